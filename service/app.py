@@ -9,7 +9,7 @@ from anyio import CapacityLimiter, to_thread
 from fastapi import FastAPI
 
 from service.api.dependencies import ReadingThreads, Resources, SharedAnswer
-from service.api.events.poller import Lookout
+from service.api.events.poller import ChangePoller
 from service.api.events.watcher import EventWatcher
 from service.api.heavy_reads import HeavyReads
 from service.api.keys.idempotency import IdempotencyDesk
@@ -26,8 +26,8 @@ from service.local.wakeup import Doorbell
 from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
+from service.storage.database.cached_reads import CachedReads
 from service.storage.database.database import Database
-from service.storage.database.remembered import Remembered
 from service.storage.examinations import ExaminationStore
 from service.storage.jobs.changes import ChangeReader
 from service.storage.jobs.dispatching import dispatcher_of
@@ -79,15 +79,15 @@ def create_app(
         keys = KeyStore(database)
         days = settings.samples_days
         retention = Retention(database, older_than_seconds=None if days is None else days * DAY_SECONDS)
-        ring, remembered = KeyRing(keys), Remembered(database)
+        ring, reads = KeyRing(keys), CachedReads(database)
         answers = IdempotencyStore(database)
         forgetting = Forgetting(answers)
         presence = ServicePresence(database, host=settings.host_name)
         examinations = ExaminationStore(database)
         kept = KeptExaminations(examinations)
         sweeps = SweepStore(database, dispatcher)
-        lookout = Lookout(ChangeReader(database), sweeps, documents_of(database, settings))
-        events = EventWatcher(lookout, capacity=settings.event_streams)
+        poller = ChangePoller(ChangeReader(database), sweeps, documents_of(database, settings))
+        events = EventWatcher(poller, capacity=settings.event_streams)
         bell.when_anything(events.wake, events.stop)
         verdicts = VerdictQueue(children, settings, children=verdict_children())
         heavy = HeavyReads(settings, make_room=lambda: bool(app.state.close_one_unread()))
@@ -115,7 +115,7 @@ def create_app(
             limits=LimitGuard(settings, keys),
             idempotency=IdempotencyDesk(answers),
             answers=Cache(_ANSWER_BYTES, len),
-            remembered=remembered,
+            reads=reads,
             presence=presence,
             waiting=threading.BoundedSemaphore(settings.waiting_places),
             local_worker=local_worker,
@@ -136,7 +136,7 @@ def create_app(
             if sandbox is None:
                 children.close()
             ring.close()
-            remembered.close()
+            reads.close()
             database.close()
             if doorbell is None:
                 bell.close()

@@ -30,8 +30,8 @@ from service.local.wakeup import Doorbell
 from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
+from service.storage.database.cached_reads import CachedReads
 from service.storage.database.database import Database
-from service.storage.database.remembered import Remembered
 from service.storage.jobs.worker_registry import WorkersState
 from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
@@ -111,7 +111,7 @@ class Resources:
     idempotency: IdempotencyDesk
     answers: Cache[str, bytes]
     """Bytes of answers that were written before, by their entity tags: one names exactly one content."""
-    remembered: Remembered
+    reads: CachedReads
     presence: ServicePresence
     """Keeps the presence row of this service, and knows whether the database can be written to."""
     waiting: threading.BoundedSemaphore

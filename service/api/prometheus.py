@@ -89,7 +89,7 @@ class WorkerCollector(Collector):
 
 
 class KeptCollector(Collector):
-    """Collects how often verdicts and windows were kept already."""
+    """Counts how often verdicts and windows were cached already."""
 
     def __init__(self, kept: KeptExaminations) -> None:
         self._kept = kept

@@ -263,7 +263,7 @@ def _alike(table: AccuracyTable, kind: MotionKind, family: Family | None) -> tup
     return of_family or functions or of_kind or table.rows
 
 
-MOST_PRODUCTS = 500
+MAX_PRODUCTS_RECOGNISED = 500
 """Usual three-term formulas need some ten products; the limit protects against costly formulas."""
 FUNCTIONS = frozenset({"exp", "log", "sin", "cos", "tan"})
 """Functions that are no powers: their series have no end."""
@@ -275,7 +275,7 @@ def family_of(body: RigidBody, potential: Potential) -> Family:
         instructions = potential.tape.instructions
     except NoClosedFormError:
         return "integral"
-    if recognise(body, potential, most_products=MOST_PRODUCTS) is not None:
+    if recognise(body, potential, most_products=MAX_PRODUCTS_RECOGNISED) is not None:
         return "three-term"
     if any(each.operation == "general_power" or each.name in FUNCTIONS for each in instructions):
         return "function"

@@ -11,7 +11,7 @@ from service.dynamics.errors import (
     UnphysicalInertiaError,
 )
 
-LARGEST_RATIO = 10**13
+MAX_MOMENT_RATIO = 10**13
 """Largest ratio of A and C, either way: beyond it the curve of a planar motion is a corner in doubles."""
 
 
@@ -68,7 +68,7 @@ class RigidBody:
     def require_planar(self) -> None:
         """Raise EqualMomentsError if A = C, where no planar family exists.
 
-        And ExtremeMomentsError if one of them is more than LARGEST_RATIO times the other.
+        And ExtremeMomentsError if one of them is more than MAX_MOMENT_RATIO times the other.
         """
         # In whole numbers: this is asked at every point at which something is checked.
         A, C = self.A.numerator * self.C.denominator, self.C.numerator * self.A.denominator
@@ -76,11 +76,11 @@ class RigidBody:
             raise EqualMomentsError(
                 f"A = C = {self.A}: the compatibility equation needs A ≠ C", pointer="/body"
             )
-        if max(A, C) > LARGEST_RATIO * min(A, C):
+        if max(A, C) > MAX_MOMENT_RATIO * min(A, C):
             ratio = max(self.alpha, 1 / self.alpha)
             raise ExtremeMomentsError(
                 f"A = {self.A}, C = {self.C}: one is some 1e{len(str(int(ratio))) - 1} times the other; "
-                f"planar motions are computed for ratios up to {LARGEST_RATIO:.0e}",
+                f"planar motions are computed for ratios up to {MAX_MOMENT_RATIO:.0e}",
                 pointer="/body",
             )
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from decimal import Context, Decimal
 from math import inf, isfinite, isnan, nan, nextafter
 
-_EXACT = Context(prec=30)
+_EXACT_CONTEXT = Context(prec=30)
 """Digits of the difference of two decimals, which is taken exactly and then rounded."""
 
 
@@ -31,5 +31,5 @@ def printed_error(value: float, error: float) -> float:
     """
     if not (isfinite(value) and isfinite(error)):
         return error
-    apart = _EXACT.subtract(Decimal(repr(value)), Decimal(value))
+    apart = _EXACT_CONTEXT.subtract(Decimal(repr(value)), Decimal(value))
     return nextafter(error + abs(float(apart)), inf) if apart else error

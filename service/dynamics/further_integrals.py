@@ -50,7 +50,7 @@ FloatArray = NDArray[np.float64]
 T = TypeVar("T", FloatArray, arb)
 N = TypeVar("N")
 
-BITS = 128
+DRIFT_BITS = 128
 """Precision of the balls for a drift: near a collision the terms of W cancel like those of the energy."""
 
 
@@ -148,7 +148,7 @@ def integral_drift(integral: FurtherIntegral, samples: FloatArray) -> tuple[floa
     K is taken from balls: what is found is in the samples, not in the sum. A
     sample at a pole of V, where K has no value, is left out.
     """
-    with ctx.workprec(BITS):
+    with ctx.workprec(DRIFT_BITS):
         values = np.array([float(K) for K in integral.balls(np.asarray(samples).tolist())])
     departures = np.abs(values - values[0])
     return float(values[0]), float(departures[np.isfinite(departures)].max(initial=0.0))

@@ -1,4 +1,4 @@
-"""The names of what computes a motion, for those who compute none."""
+"""The names of what computes a motion; apart, since the store reads them and loads no arithmetic."""
 
 from typing import Literal
 

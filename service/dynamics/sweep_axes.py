@@ -24,13 +24,13 @@ from service.dynamics.exact import exact_number
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_DIGITS = Context(prec=50)
+_LOGARITHMIC_CONTEXT = Context(prec=50)
 """A run of 1e7 values, each made from the one before, keeps 40 digits of them."""
 _RESOLUTION = 2**53
 """Draws are multiples of 1/2^53 of the span."""
 _DRAWS_PER_COUNT = 4
 """Numbers of 64 bits that Philox makes of one value of its counter."""
-_NEAR = 64
+_MAX_DROPPED = 64
 """Gaps up to this are computed and dropped, which is cheaper than a new start."""
 
 
@@ -103,13 +103,17 @@ class LogarithmicAxis:
     def doubles(self, first: int, count: int) -> FloatArray:
         """Return neighbouring values."""
         steps = Decimal(max(self.length - 1, 1))
-        growth = _DIGITS.divide(_DIGITS.subtract(_logarithm(self.hi), _logarithm(self.lo)), steps)
-        exponent = _DIGITS.add(_logarithm(self.lo), _DIGITS.multiply(growth, Decimal(first)))
-        value, ratio = _DIGITS.exp(exponent), _DIGITS.exp(growth)
+        growth = _LOGARITHMIC_CONTEXT.divide(
+            _LOGARITHMIC_CONTEXT.subtract(_logarithm(self.hi), _logarithm(self.lo)), steps
+        )
+        exponent = _LOGARITHMIC_CONTEXT.add(
+            _logarithm(self.lo), _LOGARITHMIC_CONTEXT.multiply(growth, Decimal(first))
+        )
+        value, ratio = _LOGARITHMIC_CONTEXT.exp(exponent), _LOGARITHMIC_CONTEXT.exp(growth)
         found = np.empty(count)
         for k in range(count):
             found[k] = float(value)
-            value = _DIGITS.multiply(value, ratio)
+            value = _LOGARITHMIC_CONTEXT.multiply(value, ratio)
         for index, end in ((0, self.lo), (self.length - 1, self.hi)):
             if self.length > 1 and first <= index < first + count:
                 found[index - first] = float(end)
@@ -146,7 +150,7 @@ class UniformAxis:
 def at(axis: Axis, indices: IntArray) -> FloatArray:
     """Return the doubles of ``axis`` at any indices, in any order."""
     distinct, places = np.unique(indices, return_inverse=True)
-    runs = np.split(distinct, np.flatnonzero(np.diff(distinct) > _NEAR) + 1) if len(distinct) else []
+    runs = np.split(distinct, np.flatnonzero(np.diff(distinct) > _MAX_DROPPED) + 1) if len(distinct) else []
     found = [axis.doubles(int(run[0]), int(run[-1] - run[0]) + 1)[run - run[0]] for run in runs]
     return np.concatenate([np.empty(0), *found])[places]
 
@@ -170,5 +174,5 @@ def _affine(lo: Fraction, hi: Fraction, parts: int, places: Iterable[int]) -> Fl
 
 
 def _logarithm(value: Fraction) -> Decimal:
-    quotient = _DIGITS.divide(Decimal(value.numerator), Decimal(value.denominator))
-    return _DIGITS.ln(quotient)
+    quotient = _LOGARITHMIC_CONTEXT.divide(Decimal(value.numerator), Decimal(value.denominator))
+    return _LOGARITHMIC_CONTEXT.ln(quotient)

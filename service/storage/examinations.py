@@ -30,7 +30,7 @@ _KEYS = 500
 """Keys looked up by one statement: databases limit its parameters."""
 
 
-def _keep(insert: sqlite.Insert | postgresql.Insert) -> sqlite.Insert | postgresql.Insert:
+def _upsert(insert: sqlite.Insert | postgresql.Insert) -> sqlite.Insert | postgresql.Insert:
     """Return the statement that writes rows, or replaces those that are there."""
     new = insert.excluded
     return insert.on_conflict_do_update(
@@ -39,12 +39,12 @@ def _keep(insert: sqlite.Insert | postgresql.Insert) -> sqlite.Insert | postgres
     )
 
 
-_KEEP_SQLITE = _keep(sqlite.insert(_ROWS).values(_VALUES))
-_KEEP_POSTGRES = _keep(postgresql.insert(_ROWS).values(_VALUES))
+_STORE_SQLITE = _upsert(sqlite.insert(_ROWS).values(_VALUES))
+_STORE_POSTGRES = _upsert(postgresql.insert(_ROWS).values(_VALUES))
 
 
 def find_rows(connection: Connection, keys: Sequence[str]) -> tuple[dict[str, str], list[str]]:
-    """Return the contents of those keys that are kept, and the keys of the rows that are damaged."""
+    """Return the contents of those keys that are cached, and the keys of the rows that are damaged."""
     found: dict[str, str] = {}
     damaged: list[str] = []
     for start in range(0, len(keys), _KEYS):
@@ -65,12 +65,12 @@ def sound_content(key: str, content: bytes, seal: str) -> str | None:
     return content.decode()
 
 
-def keep_rows(connection: Connection, entries: Iterable[Entry]) -> None:
+def store_rows(connection: Connection, entries: Iterable[Entry]) -> None:
     """Write entries that are not there yet; equal keys have equal contents."""
     # In the order of their keys: two processes that write the same ones must not wait for each other.
     rows = [_row(entry) for entry in sorted(_missing(connection, entries), key=lambda entry: entry.key)]
     if rows:
-        connection.execute(_KEEP_POSTGRES if is_postgres(connection) else _KEEP_SQLITE, rows)
+        connection.execute(_STORE_POSTGRES if is_postgres(connection) else _STORE_SQLITE, rows)
 
 
 def _missing(connection: Connection, entries: Iterable[Entry]) -> list[Entry]:
@@ -111,7 +111,7 @@ class ExaminationStore:
         self._database = database
 
     def get(self, keys: Sequence[str]) -> dict[str, str]:
-        """Return the contents of those keys that are kept; delete the entries that are damaged."""
+        """Return the contents of those keys that are cached; delete the entries that are damaged."""
         with self._database.read() as session:
             found, damaged = find_rows(session.connection(), keys)
         if damaged:
@@ -120,9 +120,9 @@ class ExaminationStore:
         return found
 
     def add(self, entries: Sequence[Entry]) -> None:
-        """Keep entries, unless they are kept already."""
+        """Store entries, unless they are stored already."""
         with self._database.write_rows() as connection:
-            keep_rows(connection, entries)
+            store_rows(connection, entries)
 
     def trim(self, *, most: int = MOST_ENTRIES, dry_run: bool = False) -> int:
         """Delete what other versions found, and what was not used for longest; return how many.

@@ -21,7 +21,7 @@ from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePer
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.window import Window, require_known_ends
 from service.dynamics.reduction.windows import (
-    PRECISION,
+    REDUCTION_BITS,
     NoMotionError,
     choose_window,
     find_windows,
@@ -210,7 +210,7 @@ def _judge_question(document: Part) -> Answer:
         nearest = nearest_document(question.body, question.potential, named, degree)
         return {"verdict": {**answer, "nearest": nearest}}
     if isinstance(question.motion, PlanarMotion):
-        with ctx.workprec(PRECISION):
+        with ctx.workprec(REDUCTION_BITS):
             try:
                 found = find_windows(question.body, potential, question.motion)
             except UNSETTLED as error:
@@ -226,7 +226,7 @@ def _judge_question(document: Part) -> Answer:
         if question.problem is not None and chosen is not None:
             answer["plan"] = plan_document(question.problem, chosen)
             if verdict.verdict == "undecided":
-                with ctx.workprec(PRECISION):
+                with ctx.workprec(REDUCTION_BITS):
                     _prove_motion(question.problem, question.motion, chosen)
     if verdict.verdict == "admissible":
         answer |= _formulas(question, verdict)
@@ -272,7 +272,7 @@ def _judge_problem(problem: Problem, kept: Kept, keys: Keys, searches: Searches)
     refusal = refusal_of_verdict(verdict, answer, problem.accept == "undecided")
     if refusal is not None:
         return refusal
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         try:
             windows = kept.windows(of_windows, problem.body, problem.potential, problem.motion)
             window = _require_motion(problem, problem.motion, windows)

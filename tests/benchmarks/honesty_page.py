@@ -52,7 +52,8 @@ MEASURED = """## What is measured
 * **How fast variables change**, by which times that are off make samples be off: differences of neighbouring
   places, eight to a panel, and a quarter more. Each panel has its own.
 * **Potentials given by an integral**, which no complex ball can enter: windows are those of a scan, and
-  panels are judged by the decay of their series.
+  panels are judged by the decay of their series. Along the motion V₁ is a series of integrals, to 80 bits by
+  the decay of its terms and by what is seen between its nodes.
 * **The method `integration`**, and with it cross-checks and motions from any state: the error is the
   difference of runs (of four in compiled code, else of two), and what errors of every step grow to until
   any later time (`grown_errors` in the evidence), held against the equations. Growth is that of the

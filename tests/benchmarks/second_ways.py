@@ -1,26 +1,42 @@
 """``python -m tests.benchmarks.second_ways``: do the solvers earn their lines that others could stand in for?
 
 Elliptic functions in doubles against the quadrature in balls, which has the same motions; and the certified
-tier by one series on a strip against pieces of time, which need no strip. Decision 14 shows the result.
+tier by one series on a strip against pieces of time, which need no strip. Then whole requests, with and
+without each second way: the gain that a user sees. Decision 14 shows the result.
 """
 
+import json
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
+from unittest.mock import patch
 
+import numpy as np
 from flint import arb, ctx
 
+from service.dynamics.formula.tape import Tape
 from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, Problem, TimeSpan
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
-from tests.benchmarks.measuring import median, say
+from service.jobs.records import Solved
+from service.storage.codecs.packing import SOLVED, decode_points
+from service.verdicts.examination import examine_problems
+from tests.benchmarks.kept import forgetful
+from tests.benchmarks.measuring import in_turns, in_words, median, say
+from tests.support.examinations import examination_of
 from tests.support.planar import body, formula, planar
 from workers.computation.compiled_code import keep_compiled_code
+from workers.computation.compute import solve_document
 from workers.solvers.assembly.families import Declined, Place, periodic_place
 from workers.solvers.certified.by_integral import IntegralMotion, integral_motion, periodic_window
 from workers.solvers.choose import FAMILIES, FamilyName
+from workers.solvers.closed_form.family import ClosedFormFamily
+from workers.solvers.ways import Way
+from workers.sweeping.chunk import compute_chunk
 
 REPEATS = 15
 ELLIPTIC = (
@@ -42,8 +58,197 @@ class ByPieces(IntegralMotion):
     strip = None
 
 
+@dataclass(frozen=True)
+class Request:
+    """What a user waits for."""
+
+    name: str
+    run: Callable[[], str]
+    """Returns what is claimed, in words."""
+
+
+@dataclass(frozen=True)
+class SecondWay:
+    """A way that another one could stand in for, how it is left out, and requests that take it."""
+
+    name: str
+    without: Callable[[], AbstractContextManager[object]]
+    requests: tuple[Request, ...]
+
+
+def job(name: str, tier: str, A: str, text: str, way: Way = "compiled", **more: object) -> Request:
+    """Return a job from its document to its solution."""
+    document = problem_of(A, text, {"accuracy": {"tier": tier}, **more})
+    return Request(f"{tier} job, {name}", partial(solved_document, json.dumps(document), way))
+
+
+def problem_of(A: str, text: str, more: Mapping[str, object]) -> dict[str, object]:
+    return {
+        "body": {"A": A, "B": "5/2" if A == "3" else "3/2", "C": 1},
+        "potential": {"type": "expression", "expression": text},
+        "motion": {"type": "planar", "lambda": 1},
+        "time": {"stop": 10, "samples": 101},
+        **more,
+    }
+
+
+def curve(k: int) -> dict[str, object]:
+    """Return the motion number k of a list."""
+    return {"motion": {"type": "planar", "lambda": f"{900 + k}/1000"}}
+
+
+def solved_document(document: str, way: Way) -> str:
+    outcome = solve_document(document, way=way)
+    if not isinstance(outcome, Solved):
+        return str(outcome.error)
+    return f"{outcome.summary['error']:.0e}"
+
+
+def examined(name: str, documents: Sequence[object]) -> Request:
+    """Return the examination of a list of problems that nothing is known of."""
+    text = json.dumps(examination_of(documents))
+
+    def run() -> str:
+        found = json.loads(examine_problems(text))
+        return f"{len(found['found'])} found"
+
+    return Request(f"list of {len(documents)}, {name}", run)
+
+
+def swept(name: str, count: int, base: Mapping[str, object], *axes: Mapping[str, object]) -> Request:
+    """Return a sweep of so many points, as one chunk."""
+    sweep = {"base": base, "axes": axes, "keep": ["period", "error"]}
+    document = json.dumps({"sweep": sweep, "first": 0, "count": count, "way": "compiled"})
+
+    def run() -> str:
+        points = decode_points(compute_chunk(document).data)
+        return f"{points.outcomes.count(SOLVED)} solved, {np.nanmax(points.numbers['error']):.0e}"
+
+    return Request(f"{count} points, {name}", run)
+
+
+def nothing(*_: object) -> None:
+    """Stand in for a shortcut that finds nothing."""
+
+
+@contextmanager
+def without_roots() -> Iterator[None]:
+    with (
+        patch("workers.solvers.compiled.solve.rational_radicand", nothing),
+        patch("workers.sweeping.plan._rational", nothing),
+    ):
+        yield
+
+
+THREE_TERMS = "-g1 + 1/(20*g3^2)"
+CUBIC = "(3*g1^2 + g3^2)*(g2^2 - 1/2 + g2^3/5)"
+LOG_LIKE = "(17/10*g1^2 + g3^2)*exp(-g2^2)"
+RANDOM_A = "1.7320508075688772"
+HIGH = {"accuracy": {"tier": "high"}}
+LAMBDAS = {"pointer": "/motion/lambda", "linspace": ["9/10", "11/10", 100]}
+OUTPUTS = ["gamma", "omega"]
+SECOND_WAYS = (
+    SecondWay(
+        "elliptic functions in doubles",
+        lambda: patch.object(ClosedFormFamily, "takes", lambda *_: False),
+        (
+            job("three terms", "certified", "2", THREE_TERMS),
+            job("next to a separatrix", "high", "2", "-g1 + 0.809017*(g1^2 - g2^2)"),
+            job("three terms, plain way", "standard", "2", THREE_TERMS, "plain"),
+        ),
+    ),
+    SecondWay(
+        "programs for balls",
+        lambda: patch.object(Tape, "program", nothing),
+        (
+            job("α = 2", "certified", "2", THREE_TERMS),
+            job("α = 3", "certified", "3", CUBIC),
+            job("an exponential", "certified", "17/10", LOG_LIKE),
+            job("α = 3, by quadrature", "standard", "3", CUBIC, method="quadrature"),
+            examined("α = 3", [problem_of("3", CUBIC, curve(k)) for k in range(50)]),
+            examined("different formulas", [problem_of("3", f"{k + 1}*{CUBIC}", {}) for k in range(50)]),
+        ),
+    ),
+    SecondWay(
+        "sums of powers in verdicts",
+        lambda: patch("service.dynamics.verdict.verdict.prove_power_sum", nothing),
+        (
+            examined("gravity", [problem_of("2", f"-{k + 1}*g1", {}) for k in range(50)]),
+            examined("α = 3", [problem_of("3", f"{k + 1}*{CUBIC}", {}) for k in range(20)]),
+            examined(
+                "a random α", [problem_of(RANDOM_A, f"{k + 1}*(A*g1^2 + C*g3^2)", {}) for k in range(20)]
+            ),
+            job("three terms", "standard", "2", THREE_TERMS),
+        ),
+    ),
+    SecondWay(
+        "exact roots",
+        without_roots,
+        (
+            job("round the loop", "high", "2", "-g1"),
+            job("next to a separatrix", "high", "2", "-g1 + 0.809017*(g1^2 - g2^2)"),
+            job("five terms", "high", "2", "-2*g1 + 1/(20*g3^2) + g1^2/10 - g2^2/10 + 1/(500*g3^4)"),
+            swept("high, round the loop", 100, problem_of("2", "-g1", HIGH), LAMBDAS),
+            swept("high, three terms", 100, problem_of("2", THREE_TERMS, HIGH), LAMBDAS),
+        ),
+    ),
+    SecondWay(
+        "doubles for attitude and stability",
+        lambda: patch("workers.computation.outputs.takes_doubles", lambda *_: False),
+        (
+            job("with orientation", "standard", "3", CUBIC, outputs=[*OUTPUTS, "orientation"]),
+            job("with stability", "standard", "3", CUBIC, outputs=[*OUTPUTS, "stability"]),
+        ),
+    ),
+    SecondWay(
+        "windows of a list together",
+        lambda: patch(
+            "service.dynamics.reduction.windows.halves_in_doubles", lambda loops, _: [None] * len(loops)
+        ),
+        (
+            examined("α = 3", [problem_of("3", CUBIC, curve(k)) for k in range(50)]),
+            examined("α = 2", [problem_of("2", THREE_TERMS, curve(k)) for k in range(50)]),
+        ),
+    ),
+    SecondWay(
+        "V1 of powers of w",
+        lambda: patch("service.dynamics.potentials.angular_part.balls.powers_of", nothing),
+        (
+            job(
+                "F = w^2/10",
+                "standard",
+                "17/10",
+                "",
+                potential={"type": "general", "F": "w^2/10", "G": "g2^2"},
+            ),
+        ),
+    ),
+)
+
+
+def whole_requests() -> None:
+    """Print what each request takes with and without its second way."""
+    heads = "| second way | request | with: time, claim | without: time, claim | gain |"
+    say(f"\n{heads}\n| --- | --- | --- | --- | --- |")
+    for second in SECOND_WAYS:
+        for request in second.requests:
+            say(request_row(second, request))
+
+
+def request_row(second: SecondWay, request: Request) -> str:
+    """Measure one request both ways, in turns."""
+
+    def without() -> str:
+        with second.without():
+            return request.run()
+
+    ours, theirs = in_turns((forgetful(request.run), forgetful(without)), REPEATS // 3)
+    cells = f"{in_words(ours)}, {request.run()} | {in_words(theirs)}, {without()}"
+    return f"| {second.name} | {request.name} | {cells} | {theirs / ours:.2f} |"
+
+
 def main() -> int:
-    """Measure and print both tables, in Markdown."""
+    """Measure and print all tables, in Markdown."""
     keep_compiled_code()
     say("| three terms | closed form: time, claim | quadrature: time, claim | ratio |")
     say("| --- | --- | --- | --- |")
@@ -54,6 +259,7 @@ def main() -> int:
     for name, A, text, lambda_ in GENERAL:
         for row in certified_rows(name, Fraction(A), text, Fraction(lambda_)):
             say(row)
+    whole_requests()
     return 0
 
 

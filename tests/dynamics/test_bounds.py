@@ -21,11 +21,11 @@ ERRORS = {
 }
 """In the names of numbers that must not be large."""
 HARMLESS: dict[str, str] = {
-    "angular_part/doubles.py: tail > RESOLVED * largest": "the integral itself is NaN then, and stays it",
-    "atlas/periods.py: change < error": "a sum that is NaN is no improvement, and is not taken",
+    "angular_part/field.py: tail > TAIL_RELATIVE_SIZE * largest": "the integral itself stays NaN then",
+    "atlas/bands.py: change < error": "a sum that is NaN is no improvement, and is not taken",
     "general/steps.py: tail > INVISIBLE * top": "a run ends before a step whose series is not finite",
     "integrals/drifts.py: departure <= drift": "what is not known makes the drift NaN, and so it stays",
-    "integration/twin.py: run.reached > 0.0": "a time, whose sign is asked",
+    "integration/run_pair.py: run.reached > 0.0": "a time, whose sign is asked",
     "integration/followed.py: run.reached > 0.0": "the same",
     "solvers/errors.py: period.error >= 0.0": "its sign is asked, before it is held against the tolerance",
     "stability/assessment.py: change >= square": "either branch carries NaN on",
@@ -37,8 +37,8 @@ _RETURNED = "what is not below infinity has been returned as NaN before"
 HARMLESS_MAXIMA: dict[str, str] = {
     "general/held.py: max(defect, size)": _RETURNED,
     "general/held.py: max(drift, far)": "of states that are explained, which those with NaN are not",
-    "general/twin.py: max(defect, by_defect)": "of runs that hold, which those with NaN do not",
-    "general/twin.py: max(drift, by_drift)": "the same",
+    "general/run_pair.py: max(defect, by_defect)": "of runs that hold, which those with NaN do not",
+    "general/run_pair.py: max(drift, by_drift)": "the same",
     "shown/stretches.py: max(defect, size)": _RETURNED,
     "shown/stretches.py: max(drift, far, astray, long)": "the same",
     "time_map/pieces.py: max(departure, abs(value - states[NODES + j, a]))": "of states that are finite",

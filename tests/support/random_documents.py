@@ -19,7 +19,7 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop, make_loop
 from service.dynamics.reduction.window import Window
-from service.dynamics.reduction.windows import PRECISION, find_windows
+from service.dynamics.reduction.windows import REDUCTION_BITS, find_windows
 from service.schemas.problem.problem import read_problem
 
 FloatArray = NDArray[np.float64]
@@ -250,7 +250,7 @@ def _shifted(
     document = {"body": body, "potential": potential, "motion": motion}
     problem = read_problem(with_times(document, ["0"], "standard"))
     assert isinstance(problem.motion, PlanarMotion)
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         loop = make_loop(problem.body, problem.potential, problem.motion)
         Z, ratio = float(loop.Z), float(loop.alpha)
     square = (Z * np.sin(PLACES)) ** 2

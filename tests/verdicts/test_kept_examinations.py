@@ -161,9 +161,9 @@ def test_what_is_remembered_is_not_found_again(monkeypatch):
     monkeypatch.setattr(found_windows, "_all_windows", None)
     remember_windows(rigid_body, potential, motion, windows)
     assert find_windows(rigid_body, formula("-g1", rigid_body), motion) is windows
-    for number in range(found_windows.KEPT):
+    for number in range(found_windows.ANSWERS_CACHED):
         remember_windows(rigid_body, potential, PlanarMotion(Fraction(number + 1)), windows)
-    assert len(found_windows._KNOWN) == found_windows.KEPT
+    assert len(found_windows._KNOWN) == found_windows.ANSWERS_CACHED
     with pytest.raises(TypeError):  # it would have to be found
         find_windows(rigid_body, potential, motion)
 

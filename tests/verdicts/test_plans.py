@@ -6,7 +6,7 @@ from math import log, pi
 import pytest
 from flint import ctx
 
-from service.dynamics.reduction.windows import PRECISION, find_windows
+from service.dynamics.reduction.windows import REDUCTION_BITS, find_windows
 from service.schemas.problem.problem import read_problem
 from service.verdicts.documents import terms_along
 from service.verdicts.examination import examine_question
@@ -75,7 +75,7 @@ def test_what_is_not_easy_is_named(document, told):
 
 def arc_of(document):
     asked = read_problem(document)
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         return find_windows(asked.body, asked.potential, asked.motion)[0].arcs[0]
 
 

@@ -52,7 +52,7 @@ from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.choose import choose_enclosures, enclose, find_motion
 from workers.solvers.cross_check import compare
 from workers.solvers.errors import AccuracyNotMetError, is_known, require_error_within, require_period_known
-from workers.solvers.evidence import with_samples_shown
+from workers.solvers.evidence import with_samples_raised
 from workers.solvers.units import Units
 from workers.solvers.ways import NotReadyError, Way, on_way
 
@@ -391,7 +391,7 @@ def _with_samples(problem: Problem, motion: Motion, found: Certified, samples: F
         ),
     )
     proven = replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error)
-    return with_samples_shown(problem.body, problem.potential, proven)
+    return with_samples_raised(problem.body, problem.potential, proven)
 
 
 def _enclosed_columns(rows: list[list[tuple[list[float], float]]], parts: int) -> dict[str, FloatArray]:

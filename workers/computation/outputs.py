@@ -35,7 +35,7 @@ from service.dynamics.problem import Accuracy, ClassicalMotion, PlanarMotion, Pr
 from service.dynamics.solution.dense_output import DenseOutput
 from service.storage.codecs.summary import PROVEN_SAMPLES
 from workers.solvers.assembly.families import Place
-from workers.solvers.choose import QUICK, compiled_tier, find_motion, with_enough_bits
+from workers.solvers.choose import QUICK_SPEED, compiled_tier, find_motion, with_enough_bits
 from workers.solvers.classical.solve import place_motion
 from workers.solvers.closed_form.lame import transverse_stability
 from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError
@@ -266,7 +266,9 @@ def in_units(problem: Problem, solve: Callable[[Units], T]) -> T:
         speed = missed.speed if isinstance(missed, OwnUnitsNeededError) else speed_of(problem)
         reached = missed.reached if isinstance(missed, AccuracyNotMetError) else inf
         # Less of the error than this may be that of γ, but then more of it is that of ω.
-        may_do = is_within(reached, 2.0 * speed * accuracy.tolerance) if reached < inf else speed >= QUICK
+        may_do = (
+            is_within(reached, 2.0 * speed * accuracy.tolerance) if reached < inf else speed >= QUICK_SPEED
+        )
         is_relative = accuracy.measure == "above 1" or isinstance(missed, StepCollapseError)
         if is_relative and speed >= 2.0 and may_do:
             return _in_own(problem, speed, solve)
@@ -282,9 +284,9 @@ def _is_quick(problem: Problem) -> bool:
     Of planar motions in doubles, and of classical ones, this is seen when they miss what is asked.
     """
     if isinstance(problem.motion, StateMotion):
-        return speed_of_state(problem.motion) >= QUICK
+        return speed_of_state(problem.motion) >= QUICK_SPEED
     is_proven = problem.accuracy.tier == "certified" and isinstance(problem.motion, PlanarMotion)
-    return is_proven and speed_of(problem) >= QUICK
+    return is_proven and speed_of(problem) >= QUICK_SPEED
 
 
 def _in_own(problem: Problem, speed: float, solve: Callable[[Units], T]) -> T:

@@ -37,7 +37,7 @@ from service.dynamics.problem import (
     Tier,
 )
 from service.dynamics.reduction.start import starting_point
-from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
+from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from service.dynamics.sampling import sample_times
 from workers.solvers.assembly.families import Declined, Family, Place, periodic_place
 from workers.solvers.certified.certify import Certified, certify
@@ -53,7 +53,7 @@ from workers.solvers.ways import is_plain
 
 T = TypeVar("T")
 
-HIGHEST_PRECISION = 16 * PRECISION
+HIGHEST_PRECISION = 16 * REDUCTION_BITS
 
 
 def planar_start(body: RigidBody, potential: Potential, motion: PlanarMotion) -> tuple[float, ...]:
@@ -64,7 +64,7 @@ def planar_start(body: RigidBody, potential: Potential, motion: PlanarMotion) ->
     NoMotionError, SeveralWindowsError, NoSuchWindowError, StartOutsideWindowError
         The motion asked for is not there, or not the only one.
     """
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         window = choose_window(find_windows(body, potential, motion), motion)
         return tuple(float(value) for value in starting_state(starting_point(window, motion)))
 
@@ -82,7 +82,7 @@ def with_enough_bits(problem: Problem, solve: Callable[[Problem, Place], T]) -> 
     motion = problem.motion
     if not isinstance(motion, PlanarMotion):
         raise DynamicsError("quadrature solves planar motions only", pointer="/motion/type")
-    precision = PRECISION
+    precision = REDUCTION_BITS
     while True:
         try:
             with ctx.workprec(precision):
@@ -206,7 +206,7 @@ def enclosure_row_for(method: Method, grade: Grade) -> EnclosureRow:
     return next(row for row in ENCLOSURES if method in row.methods and grade in row.grades)
 
 
-QUICK = 1024.0
+QUICK_SPEED = 1024.0
 """Angular velocity from which on who misses an absolute tolerance is asked for a relative one at once: proven
 digits, rounded to doubles, keep 1e-13 up to about here."""
 
@@ -304,7 +304,7 @@ def _ask_in_turn(problem: Problem, found: Place) -> Motion:
         if problem.accuracy.measure == "above 1" and isfinite(motion.reached) and reached == inf:
             speed = speed_in_doubles(problem)
             # Whoever has the motion in units of its own need not ask more precise solvers in vain.
-            if speed is not None and speed >= QUICK:
+            if speed is not None and speed >= QUICK_SPEED:
                 raise OwnUnitsNeededError(motion.reached, problem.tolerance, speed)
         reached, last = motion.reached, motion.found
     if last is not None and isfinite(reached) and choose_enclosures(problem).when == "where needed":

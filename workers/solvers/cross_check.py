@@ -17,17 +17,17 @@ from service.dynamics.defect.equations import Equations
 from service.dynamics.motion import CrossCheck, Motion
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.integration.interface import neighbour_of
+from workers.solvers.integration.run_pair import RunPair, Span, run_pair
 from workers.solvers.integration.solve import IntegratorName, MakeIntegrator, choose_integrator, tolerances
-from workers.solvers.integration.twin import Span, Twin, run_twin
 
 FloatArray = NDArray[np.float64]
 
-MEANINGFUL = 1e-9
+WITNESS_MAX_ERROR = 1e-9
 """A witness whose own error is larger than this (and than the tolerance) has nothing to say."""
 CHECK_TIMES = 513
 """Equidistant times of the comparison, besides those asked for."""
-STEPS: dict[str, int] = {"dop853": 4_000}
-SERIES_STEPS = 20_000
+MAX_STEPS: dict[str, int] = {"dop853": 4_000}
+MAX_SERIES_STEPS = 20_000
 """Largest number of steps of a check: some seconds at most; hundreds of periods by series, tens by DOP853."""
 
 
@@ -59,23 +59,23 @@ def compare(
     """
     chosen = choose_integrator(body, potential, integrator)
     state = quadrature.dense(np.zeros(1))[0]
-    twin = run_twin(
+    pair = run_pair(
         chosen,
         Equations.of(body, potential),
         state,
         _neighbour(state, quadrature.dense.error_at(np.zeros(1))),
         _span(quadrature.times, limit),
         local_tolerance=tolerances(chosen, tolerance)[-1],
-        max_steps=STEPS.get(chosen.name, SERIES_STEPS),
+        max_steps=MAX_STEPS.get(chosen.name, MAX_SERIES_STEPS),
     )
-    times = np.concatenate([quadrature.times, twin.span.uniform(CHECK_TIMES), np.zeros(1)])
-    times = times[(times >= twin.span.first) & (times <= twin.span.last)]
+    times = np.concatenate([quadrature.times, pair.span.uniform(CHECK_TIMES), np.zeros(1)])
+    times = times[(times >= pair.span.first) & (times <= pair.span.last)]
     times = times[np.argsort(np.abs(times), kind="stable")]
-    witness = np.maximum.accumulate(twin.error_estimate(body, potential, times))
-    meaningful = int(np.searchsorted(witness, max(tolerance, MEANINGFUL), side="right"))
+    witness = np.maximum.accumulate(pair.error_estimate(body, potential, times))
+    meaningful = int(np.searchsorted(witness, max(tolerance, WITNESS_MAX_ERROR), side="right"))
     # A NaN estimate is not below any bound: searchsorted puts it last.
     times, witness = times[: max(1, meaningful)], witness[: max(1, meaningful)]
-    disagreement = float(np.abs(twin.fine(times) - quadrature.dense(times)).max())
+    disagreement = float(np.abs(pair.fine(times) - quadrature.dense(times)).max())
     horizon = float(np.abs(times[-1]))
     asked = float(np.abs(quadrature.times).max())
     allowed = quadrature.error + float(witness[-1]) + tolerance
@@ -87,17 +87,17 @@ def compare(
         disagreement=disagreement,
         horizon=horizon,
         agrees=explained and not is_none,
-        why_none=_why_none(chosen.name, twin, limit) if is_none else None,
+        why_none=_why_none(chosen.name, pair, limit) if is_none else None,
     )
 
 
-def _why_none(name: str, twin: Twin, limit: float | None) -> str:
+def _why_none(name: str, pair: RunPair, limit: float | None) -> str:
     """Return why the witness says nothing of any time but its start."""
     text = f"there is no cross-check: the integration ({name}) "
     if limit == 0.0:
         return f"{text}cannot follow the motion from t = 0 on, where it passes a pole by a convention"
-    if twin.span.first == twin.span.last == 0.0 and twin.ending is not None:
-        return f"{text}could not follow the motion from t = 0 on: {twin.ending.message}"
+    if pair.span.first == pair.span.last == 0.0 and pair.ending is not None:
+        return f"{text}could not follow the motion from t = 0 on: {pair.ending.message}"
     return (
         f"{text}does not know its own digits: two runs of it differ by more than the tolerance from t = 0 on"
     )

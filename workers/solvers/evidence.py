@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import largest
-from service.dynamics.defect.evidence import Shown, hold_against_equations, hold_samples
+from service.dynamics.defect.evidence import ResidualEvidence, check_residual, check_samples
 from service.dynamics.equations.euler_poisson import areas_integral, geometric_integral, kinetic_energy
 from service.dynamics.further_integrals import FurtherIntegral, integral_drift
 from service.dynamics.motion import COLUMNS, Estimate, Motion
@@ -21,71 +21,77 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.solution.dense_output import DenseOutput, chebyshev_points, chebyshev_series
 from workers.solvers.ways import is_plain
 
+FloatArray = NDArray[np.float64]
+
 DEFECT, DRIFT, COVERED = "defect", "drift", "defect_covers"
-"""Keys of the evidence: see :class:`service.dynamics.defect.evidence.Shown`."""
-PARTS = 128
+"""Keys of the evidence: see :class:`service.dynamics.defect.evidence.ResidualEvidence`."""
+PARTS_PER_PIECE = 128
 """Number of parts of a piece, where compiled code does not settle whole ones."""
-MOST_CUT = 64
+MAX_PIECES_CUT = 64
 """Pieces that are cut so: more are short enough."""
 
 
-def with_claim_shown(body: RigidBody, potential: Potential, motion: Motion) -> Motion:
+def with_claim_raised(body: RigidBody, potential: Potential, motion: Motion) -> Motion:
     """Return ``motion`` with its defect and drift in the evidence, and claims that are not below these.
 
-    A motion without a function of time shows nothing, and one whose claim is not finite claims nothing.
+    A motion without a function of time has no residual, and one whose claim is not finite claims nothing.
     """
-    shown = shown_by(body, potential, motion.dense, motion.energy, is_planar=motion.window is not None)
-    if shown is None:
+    residual = residual_evidence(
+        body, potential, motion.dense, motion.energy, is_planar=motion.window is not None
+    )
+    if residual is None:
         return motion
-    dense, error = with_error_shown(motion.dense, motion.error, shown)
-    return replace(motion, evidence={**motion.evidence, **told(shown)}, dense=dense, error=error)
+    dense, error = with_error_raised(motion.dense, motion.error, residual)
+    return replace(motion, evidence={**motion.evidence, **evidence_items(residual)}, dense=dense, error=error)
 
 
-def shown_by(
+def residual_evidence(
     body: RigidBody, potential: Potential, dense: DenseOutput, energy: Estimate, *, is_planar: bool
-) -> Shown | None:
-    """Return what a function of time shows; None if it has not the six variables, or claims nothing."""
+) -> ResidualEvidence | None:
+    """Return the residual of a function of time; None if it has not the six variables, or claims nothing."""
     if dense.columns != COLUMNS or not isfinite(dense.error):
         return None
-    shown = None
+    residual = None
     if is_planar and not is_plain():
         # The compiler is loaded only where it is needed.
         from workers.solvers.compiled.shown.evidence import kept_claim  # noqa: PLC0415
 
-        shown = kept_claim(body, potential, dense, dense.error, energy)
-        if shown is None and dense.coefficients.shape[1] > 1 and len(dense.breaks) <= MOST_CUT:
+        residual = kept_claim(body, potential, dense, dense.error, energy)
+        if residual is None and dense.coefficients.shape[1] > 1 and len(dense.breaks) <= MAX_PIECES_CUT:
             # It cuts a piece a few times only: beside a narrow feature the long ones of a draft too seldom.
-            shown = kept_claim(body, potential, _cut(dense), dense.error, energy)
-    if shown is None:
-        shown = hold_against_equations(body, potential, dense, dense.error, energy, is_planar=is_planar)
-    return shown
+            residual = kept_claim(body, potential, _cut(dense), dense.error, energy)
+    if residual is None:
+        residual = check_residual(body, potential, dense, dense.error, energy, is_planar=is_planar)
+    return residual
 
 
 def _cut(dense: DenseOutput) -> DenseOutput:
-    """Return the same function of time in PARTS times as many pieces."""
+    """Return the same function of time in PARTS_PER_PIECE times as many pieces."""
     degree = dense.coefficients.shape[1] - 1
-    shares = np.arange(PARTS)[:, None] / PARTS
-    x = 2.0 * shares - 1.0 + (1.0 + chebyshev_points(degree)) / PARTS
+    shares = np.arange(PARTS_PER_PIECE)[:, None] / PARTS_PER_PIECE
+    x = 2.0 * shares - 1.0 + (1.0 + chebyshev_points(degree)) / PARTS_PER_PIECE
     values = chebyshev.chebvander(x, degree) @ dense.coefficients[:, None]
     coefficients = chebyshev_series(values.reshape(-1, degree + 1, values.shape[-1]))
     starts = dense.breaks[:-1, None] + np.diff(dense.breaks)[:, None] * shares[:, 0]
     return replace(dense, breaks=np.append(starts.ravel(), dense.breaks[-1]), coefficients=coefficients)
 
 
-def told(shown: Shown) -> dict[str, float]:
-    """Return what was shown as a part of the evidence."""
-    return {DEFECT: shown.defect, DRIFT: shown.drift, COVERED: shown.settled}
+def evidence_items(residual: ResidualEvidence) -> dict[str, float]:
+    """Return the residual as items of the evidence."""
+    return {DEFECT: residual.defect, DRIFT: residual.drift, COVERED: residual.settled}
 
 
-def with_error_shown(dense: DenseOutput, error: float, shown: Shown) -> tuple[DenseOutput, float]:
-    """Return the function of time, and the error of samples, with claims not below what was shown."""
-    if shown.error == dense.error:
+def with_error_raised(
+    dense: DenseOutput, error: float, residual: ResidualEvidence
+) -> tuple[DenseOutput, float]:
+    """Return the function of time, and the error of samples, with claims not below the residual."""
+    if residual.error == dense.error:
         return dense, error
-    return replace(dense, error=largest((dense.error, shown.error))), largest((error, shown.error))
+    return replace(dense, error=largest((dense.error, residual.error))), largest((error, residual.error))
 
 
-def with_samples_shown(body: RigidBody, potential: Potential, motion: Motion) -> Motion:
-    """Return a planar ``motion`` with the claim of its samples raised as far as their own integrals show.
+def with_samples_raised(body: RigidBody, potential: Potential, motion: Motion) -> Motion:
+    """Return a planar ``motion`` with the claim of its samples raised as far as their own integrals demand.
 
     For samples that are not those of its function of time.
     """
@@ -96,13 +102,11 @@ def with_samples_shown(body: RigidBody, potential: Potential, motion: Motion) ->
 
         if samples_keep_claim(body, potential, motion.samples, motion.error, motion.energy):
             return motion
-    error = hold_samples(body, potential, motion.samples, motion.error, motion.energy)
+    error = check_samples(body, potential, motion.samples, motion.error, motion.energy)
     return replace(motion, error=largest((motion.error, error)))
 
 
-FloatArray = NDArray[np.float64]
-
-BITS = 128
+ENERGY_BITS = 128
 """Precision of the balls for V: a double's 53 bits and room for 1e22 of cancellation."""
 
 
@@ -162,7 +166,7 @@ def _potential_energies(potential: Potential, samples: FloatArray) -> FloatArray
         found = energies_at(potential, samples)
     left = np.flatnonzero(np.isnan(found))
     if len(left):
-        with ctx.workprec(BITS):
+        with ctx.workprec(ENERGY_BITS):
             found[left] = [float(V) for V in potential.value_balls(samples[left, 3:].tolist())]
     return found
 

@@ -40,14 +40,14 @@ from workers.solvers.stability.assessment import Stability
 FloatArray = NDArray[np.float64]
 
 OMEGA = COLUMNS[:3]
-MOST = 900
+MAX_UNIT_EXPONENT = 900
 """Largest |k|: beyond it not every number of a motion is a normal double in both units."""
-LARGEST = Fraction(10) ** 304
+MAX_MOMENT = Fraction(10) ** 304
 """Moments lie between its inverse and it."""
-SHARE = 0.5
+TOLERANCE_SHARE = 0.5
 """Share of a relative tolerance that is asked of a motion in these units: there the largest of ω is 1 to 2,
 and of γ, whose square is 1, at least 0.577."""
-PLACES = 8
+SPEED_POINTS = 8
 """On an arc, where the speed is looked at."""
 
 
@@ -67,7 +67,11 @@ class Units:
             return cls()
         k = math.frexp(speed)[1] - 1
         moments = [moment * Fraction(4) ** k for moment in (body.A, body.C)]
-        return cls(k) if abs(k) <= MOST and all(1 / LARGEST <= m <= LARGEST for m in moments) else cls()
+        return (
+            cls(k)
+            if abs(k) <= MAX_UNIT_EXPONENT and all(1 / MAX_MOMENT <= m <= MAX_MOMENT for m in moments)
+            else cls()
+        )
 
     @property
     def quick(self) -> float:
@@ -82,7 +86,9 @@ class Units:
     def pose(self, problem: Problem) -> Problem:
         """Return the problem in these units, with an absolute tolerance that keeps what is asked."""
         accuracy = problem.accuracy
-        share = {"absolute": 1.0 / max(1.0, self.quick), "above 1": 1.0, "relative": SHARE}[accuracy.measure]
+        share = {"absolute": 1.0 / max(1.0, self.quick), "above 1": 1.0, "relative": TOLERANCE_SHARE}[
+            accuracy.measure
+        ]
         asked = replace(accuracy, tolerance=share * accuracy.tolerance, measure="absolute")
         if not self.k:
             return replace(problem, accuracy=asked)
@@ -220,8 +226,8 @@ def speed_of_state(state: StateMotion | Start) -> float:
 def _on_arc(_: Problem, place: Place) -> float:
     arc = place.start.arc
     speeds = [0.0]
-    for n in range(PLACES):
-        at = arc.loop.point(arc.lower + (arc.upper - arc.lower) * arb(2 * n + 1) / (2 * PLACES))
+    for n in range(SPEED_POINTS):
+        at = arc.loop.point(arc.lower + (arc.upper - arc.lower) * arb(2 * n + 1) / (2 * SPEED_POINTS))
         p, _q, r, *_rest = six_variables(arc.loop, at, abs(at.P).sqrt())
         speeds += [float(abs(each).mid()) for each in (p, r) if each.is_finite()]
     return max(speeds)

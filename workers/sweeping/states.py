@@ -28,21 +28,21 @@ from service.schemas.problem.motions import is_unit
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep
-from workers.solvers.choose import QUICK
+from workers.solvers.choose import QUICK_SPEED
 from workers.solvers.compiled.general.records import Models
-from workers.solvers.compiled.general.twin import COLLIDED, HELD, INACCURATE
+from workers.solvers.compiled.general.run_pair import COLLIDED, INACCURATE, VERIFIED
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration.compiled import (
     CompiledIntegrator,
-    held_twins,
     integrator_of,
     models_of,
     moments_of,
+    verified_runs,
 )
 from workers.solvers.integration.errors import CollisionError, UnsupportedFormulaError
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.programs import SharedGradient, shared_gradient
-from workers.solvers.integration.solve import quest_of, tolerances
+from workers.solvers.integration.solve import run_request_of, tolerances
 from workers.sweeping.parameters.family import has_symbol
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.plan import place_in_state
@@ -198,7 +198,7 @@ class StateSolver:
         """Whether the potential of a point is read from its document."""
         self._shared = SharedModels.of(sweep, problem)
         self._settings: dict[tuple[Fraction, ...], CompiledIntegrator | None] = {}
-        self._quest = quest_of(self._times.doubles, problem.tolerance)
+        self._run_request = run_request_of(self._times.doubles, problem.tolerance)
 
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
@@ -234,7 +234,7 @@ class StateSolver:
         if self._moves_gamma:
             is_usable &= [self._is_unit(points, place) for place in range(points.count)]
         # Quick motions are solved in units of their own.
-        is_usable &= np.abs(states[:, :3]).max(axis=1) < QUICK
+        is_usable &= np.abs(states[:, :3]).max(axis=1) < QUICK_SPEED
         return states, neighbours, is_usable
 
     def _is_unit(self, points: SweptPoints, place: int) -> bool:
@@ -285,18 +285,18 @@ class StateSolver:
         times = self._times.doubles if series else np.empty(0)
         left = np.arange(len(group.places))
         for local_tolerance in tolerances(CompiledIntegrator, self._problem.tolerance):
-            asked = self._quest.asked(CompiledIntegrator, local_tolerance)
-            found = held_twins(
+            asked = self._run_request.asked(CompiledIntegrator, local_tolerance)
+            found = verified_runs(
                 group.models,
                 group.which[left],
                 states[left],
                 neighbours[left],
-                self._quest.check,
+                self._run_request.check,
                 asked,
                 times,
                 self._times.rests,
             )
-            is_held = found.endings == HELD
+            is_held = found.endings == VERIFIED
             places = group.places[left[is_held]]
             block.solved[places] = True
             numbers = {name: found.numbers[is_held, column] for name, column in _TOLD.items()}

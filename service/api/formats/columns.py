@@ -69,8 +69,8 @@ def units_of(columns: Iterable[str]) -> dict[str, str]:
 
 
 def metadata(about: Mapping[str, object]) -> dict[str, str]:
-    """Return the metadata of a file: each thing as JSON."""
-    return {PREFIX + name: json.dumps(thing, allow_nan=False) for name, thing in about.items()}
+    """Return the metadata of a file: each value as JSON."""
+    return {PREFIX + name: json.dumps(value, allow_nan=False) for name, value in about.items()}
 
 
 def about_points(record: SweepRecord, columns: Sequence[str], series: Sequence[str]) -> dict[str, str]:
@@ -118,13 +118,13 @@ def npz_file(arrays: Mapping[str, NDArray[np.generic]]) -> bytes:
 
 
 def coded(words: NDArray[np.object_]) -> tuple[NDArray[np.int16], NDArray[np.str_]]:
-    """Return for each word its place in the list of the words that occur, and that list.
+    """Return for each word its index in the list of the words that occur, and that list.
 
-    The place of None is ``NOT_COMPUTED``. As text of fixed length a million words would be 40 MB.
+    The index of None is ``NOT_COMPUTED``. As text of fixed length a million words would be 40 MB.
     """
     flat: list[str | None] = words.ravel().tolist()
     found = dict.fromkeys(word for word in flat if word is not None)
-    places: dict[str | None, int] = {None: NOT_COMPUTED}
-    places.update((word, place) for place, word in enumerate(found))
-    codes = np.fromiter(map(places.__getitem__, flat), dtype=np.int16, count=len(flat))
+    indices: dict[str | None, int] = {None: NOT_COMPUTED}
+    indices.update((word, index) for index, word in enumerate(found))
+    codes = np.fromiter(map(indices.__getitem__, flat), dtype=np.int16, count=len(flat))
     return codes.reshape(words.shape), np.array(list(found), dtype=np.str_)

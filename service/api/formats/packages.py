@@ -122,5 +122,5 @@ def _fields(about: Package) -> Iterator[dict[str, object]]:
         yield described
 
 
-def _json(thing: Mapping[str, object]) -> bytes:
-    return json.dumps(thing, indent=2, ensure_ascii=False, allow_nan=False).encode() + b"\n"
+def _json(document: Mapping[str, object]) -> bytes:
+    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False).encode() + b"\n"

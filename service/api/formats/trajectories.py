@@ -63,8 +63,8 @@ def write(
     elif media_type == PARQUET:
         from service.api.formats.arrow import parquet_file  # noqa: PLC0415
 
-        told = {**about, "errors": dict(trajectory.errors), "units": units_of(trajectory.columns)}
-        content = parquet_file(trajectory.columns, metadata(told))
+        described = {**about, "errors": dict(trajectory.errors), "units": units_of(trajectory.columns)}
+        content = parquet_file(trajectory.columns, metadata(described))
     else:
         content = _FILES[media_type](trajectory)
     return Response(content, media_type=media_type, headers=own)

@@ -16,7 +16,7 @@ from service.api.descriptions import request_body
 from service.api.formats.atlases import choose_format, media_types
 from service.api.formats.negotiation import Accept
 from service.api.keys.idempotency import IdempotencyKey, read_key
-from service.api.middleware.heavy_answers import heavy, listed, made_in_a_place, while_connected
+from service.api.middleware.heavy_answers import heavy, listed, made_in_a_slot, while_connected
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import read_listing
 from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
@@ -25,7 +25,7 @@ from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.records import job_out
 from service.api.replies.responses import AtlasId, refusals
 from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_page
-from service.api.tagged import told_of
+from service.api.tagged import validator_headers
 from service.api.verdicts.examiner import examine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
 from service.jobs.records import Job
@@ -122,7 +122,7 @@ async def draw_atlas(
         found = await while_connected(request, drawing)
         if isinstance(found, Response):
             return found
-        return await made_in_a_place(request, inside, partial(write, found))
+        return await made_in_a_slot(request, inside, partial(write, found))
 
     return await inside.idempotency.once(given, work)
 
@@ -204,7 +204,7 @@ async def list_atlases(
 def get_atlas(request: Request, atlas_id: AtlasId, inside: Inside, accept: Accept = None) -> Response:
     """Show an atlas that a job has drawn; `DELETE` of the job deletes it."""
     write = choose_format(accept)
-    told = told_of(request, inside)
+    headers = validator_headers(request, inside)
     answer = write(AtlasOut.model_validate(inside.atlases.get(atlas_id)))
-    answer.headers.update(told)
+    answer.headers.update(headers)
     return answer

@@ -189,13 +189,13 @@ def _tiers(
     table: AccuracyTable,
 ) -> list[dict[str, object]]:
     """Return what each tier is expected to do with a problem, or why it refuses it."""
-    told = list[dict[str, object]]()
+    tiers = list[dict[str, object]]()
     for tier, expectation in expected_of_tiers(problem, window, table).items():
         refusal = None if tier == problem.accuracy.tier else _refusal_at(document, tier)
         if refusal is None and isinstance(expectation, Unavailable):
             refusal = expectation.detail
         known = expectation if refusal is None and isinstance(expectation, Expected) else None
-        told.append(
+        tiers.append(
             {
                 "tier": tier,
                 "tolerance": TIER_TOLERANCES[tier],
@@ -204,7 +204,7 @@ def _tiers(
                 "unavailable": refusal,
             }
         )
-    return told
+    return tiers
 
 
 def _refusal_at(document: Mapping[str, object], tier: Tier) -> str | None:

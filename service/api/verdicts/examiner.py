@@ -76,7 +76,7 @@ async def examine_with_formulas(
     """Return the verdict with its formulas, which are simplified for ``seconds`` at most; raises as examine.
 
     A formula for which SymPy takes too long or too much memory stays as it is, and so does one for which the
-    queue has no place.
+    queue is full.
     """
     asked = json.dumps({"document": document, "formats": formats})
     verdict = await examine(verdicts, examine_question_with_formulas, asked, claimant)

@@ -26,9 +26,9 @@ from service.dynamics.atlas.curves import (
 )
 from service.dynamics.atlas.latitudes import formula_of, stays_at_latitudes, zeros_at_latitudes
 from service.dynamics.atlas.parts import Atlas, AtlasPart, Beside, Change, LambdaRange, change_between
-from service.dynamics.atlas.sampled_atlas import seen_atlas, single_at
+from service.dynamics.atlas.sampled_atlas import sampled_atlas, single_at
 from service.dynamics.atlas.structures import LambdaPart, first_stretches, parts_of_range, whole_range
-from service.dynamics.atlas.zeros import zeros_of
+from service.dynamics.atlas.zeros import CELL_RELATIVE_WIDTH, zeros_of
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.intervals import IntervalAlgebra
@@ -37,15 +37,28 @@ from service.dynamics.formula.parity import is_written_even
 from service.dynamics.potentials.families.general_solution import GeneralPotential
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Sign
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER, Cells, axes, heights, scales
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
+    QUARTER_TURN,
+    Cells,
+    axes,
+    heights,
+    scales,
+)
 from service.dynamics.reduction.sign_proofs.signs import INFINITE
 from service.dynamics.reduction.windows import find_windows
 
 FloatArray = NDArray[np.float64]
 
-PLACES = ((1.0, 0.3), (1.0, 0.6), (1.0, 0.9), (1.0, 1.2), (1.0, QUARTER * 0.97), (-1.0, 0.5), (-1.0, 1.1))
+ENERGY_POINTS = (
+    (1.0, 0.3),
+    (1.0, 0.6),
+    (1.0, 0.9),
+    (1.0, 1.2),
+    (1.0, QUARTER_TURN * 0.97),
+    (-1.0, 0.5),
+    (-1.0, 1.1),
+)
 """Signs of g2, and distances from the pole of this sign, where the energy is bounded."""
-THIN = 1e-15
 
 
 def energies(half: HalfCurves, single: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
@@ -55,9 +68,9 @@ def energies(half: HalfCurves, single: Sequence[LambdaStretch]) -> tuple[FloatAr
 
 
 def _energies(half: HalfCurves, single: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
-    shape, loops = (len(single), len(PLACES)), half.loops(single)
-    side, x = (np.tile(np.array(each), shape[0]) for each in zip(*PLACES, strict=True))
-    cells = Cells(np.repeat(np.arange(shape[0]), shape[1]), side, x * (1.0 - THIN), x)
+    shape, loops = (len(single), len(ENERGY_POINTS)), half.loops(single)
+    side, x = (np.tile(np.array(each), shape[0]) for each in zip(*ENERGY_POINTS, strict=True))
+    cells = Cells(np.repeat(np.arange(shape[0]), shape[1]), side, x * (1.0 - CELL_RELATIVE_WIDTH), x)
     algebra = IntervalAlgebra(scales(loops, cells))
     first, third = axes(algebra, loops, cells)
     g1, g3 = (third, first) if half.shape.is_mirrored else (first, third)
@@ -84,12 +97,12 @@ def _energies(half: HalfCurves, single: Sequence[LambdaStretch]) -> tuple[FloatA
     return np.where(is_known, low, np.nan), np.where(is_known, high, np.nan)
 
 
-BITS = 128
-FEWEST = 9
+ENERGY_BITS = 128
+MIN_SAMPLES_PER_PART = 9
 """λ of a part at which its windows are followed."""
-AWAY = 1e-6
+PROBE_RELATIVE_DISTANCE = 1e-6
 """Relative distance from a change at which it is looked at which zeros meet."""
-EVENT = 1e-5
+CHANGE_RELATIVE_WIDTH = 1e-5
 """Relative width up to which a stretch without a proof, between parts that differ, encloses a change."""
 
 
@@ -114,10 +127,10 @@ def make_atlas(
     body.require_planar()
     potential = with_formula(body, potential)
     if not potential.has_formula:
-        with ctx.workprec(BITS):
+        with ctx.workprec(ENERGY_BITS):
             plain = _plain_halves(body, potential, over)
-            return seen_atlas(plain, over, samples, FEWEST, is_late, has_periods=has_periods)
-    with ctx.workprec(BITS):
+            return sampled_atlas(plain, over, samples, MIN_SAMPLES_PER_PART, is_late, has_periods=has_periods)
+    with ctx.workprec(ENERGY_BITS):
         halves = _halves(body, potential, over)
         if stays_at_latitudes(halves):
             return _of_latitudes(halves, over, samples, has_periods=has_periods)
@@ -166,7 +179,7 @@ def _assembled(
     for k, part in enumerate(parts):
         lower, upper = over.ends(halves[0], part.stretches[0], part.stretches[-1])
         if part.signatures is not None:
-            count = over.samples_between((lower, upper), samples, FEWEST)
+            count = over.samples_between((lower, upper), samples, MIN_SAMPLES_PER_PART)
             found.append(_part(halves, part, (lower, upper), count, has_periods=has_periods))
             continue
         around = [parts[n] if 0 <= n < len(parts) else None for n in (k - 1, k + 1)]
@@ -182,7 +195,7 @@ def _change(
     halves: Sequence[HalfCurves], around: Sequence[LambdaPart | None], ends: tuple[arb, arb]
 ) -> Change | None:
     before, after = around
-    is_narrow = ends[1] - ends[0] < EVENT * ends[1]
+    is_narrow = ends[1] - ends[0] < CHANGE_RELATIVE_WIDTH * ends[1]
     if before is None or after is None or not is_narrow:
         return None
     if before.signatures is None or after.signatures is None or before.signatures == after.signatures:
@@ -197,7 +210,7 @@ def _change(
 def _at(halves: Sequence[HalfCurves], part: LambdaPart, number: int, *, upper: bool) -> Beside:
     """Return the part with a single λ next to the change, and far enough from it that the zeros are apart."""
     end = _logarithm(part.stretches[number], upper=upper)
-    nearest = single_at(end - AWAY if upper else end + AWAY)
+    nearest = single_at(end - PROBE_RELATIVE_DISTANCE if upper else end + PROBE_RELATIVE_DISTANCE)
     return Beside(part.signatures or (), lambda k: zeros_of(halves[k], k, part, [nearest]))
 
 

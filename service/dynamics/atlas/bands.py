@@ -19,11 +19,11 @@ from service.dynamics.reduction.window import Arc, Window
 
 FloatArray = NDArray[np.float64]
 
-FEWEST, MOST = 16, 1024
-AGREES = 1e-11
-FLOOR = 1e-10
+MIN_NODES, MAX_NODES = 16, 1024
+SUMS_RELATIVE_CHANGE = 1e-11
+PERIOD_RELATIVE_ROUNDING = 1e-10
 """Relative error that rounding may bring: next to an end p² is the small difference of large terms."""
-WORST = 1e-3
+PERIOD_MAX_RELATIVE_ERROR = 1e-3
 """A period whose estimated relative error is larger is not told."""
 
 
@@ -42,20 +42,20 @@ def periods(
     rate = _of_loop if is_loop else _between
     last = np.full(len(Z), np.nan)
     found, error = last.copy(), np.full(len(Z), np.inf)
-    n = FEWEST
-    while n <= MOST:
+    n = MIN_NODES
+    while n <= MAX_NODES:
         with np.errstate(all="ignore"):
             now = rate(lambda v: _slowness(half, Z, G, v), lower, upper, n)
             change = np.abs(now - last)
             # NaN is no improvement.
             better = change < error
             found, error = np.where(better, now, found), np.where(better, change, error)
-            if bool((error < AGREES * found).all()):
+            if bool((error < SUMS_RELATIVE_CHANGE * found).all()):
                 break
         last, n = now, 2 * n
     with np.errstate(all="ignore"):
-        error = error + FLOOR * found
-        is_known = (error < WORST * found) & np.isfinite(found)
+        error = error + PERIOD_RELATIVE_ROUNDING * found
+        is_known = (error < PERIOD_MAX_RELATIVE_ERROR * found) & np.isfinite(found)
     return np.where(is_known, found, np.nan), np.where(is_known, error, np.nan)
 
 
@@ -87,9 +87,9 @@ def _of_loop(
     return total
 
 
-SAME = 1e-6
+ENDPOINT_RELATIVE_DISTANCE = 1e-6
 """Relative distance up to which an end of a window is taken for a zero; zeros are simple, hence apart."""
-ROUNDED = 1e-15
+LAMBDA_RELATIVE_ROUNDING = 1e-15
 """Relative error of a λ that is told as a double."""
 
 
@@ -175,7 +175,7 @@ def _band(
         least = nothing
     if window.ends[1] == "equator":
         widest = (Z if half.shape.is_mirrored else G)[:, 0]
-        most = Measured(widest, 8.0 * ROUNDED * widest)
+        most = Measured(widest, 8.0 * LAMBDA_RELATIVE_ROUNDING * widest)
     heights = [end.height for end in ends]
     poles = [*arc.poles, *([arb(0), arb.pi()] if arc.is_whole_loop else [])]
     for pole in poles:
@@ -198,14 +198,14 @@ def _band(
 
 def _end(half: PlainHalves, zeros: Sequence[Zeros], v: arb, row: int, count: int) -> _End:
     """Return an end of an arc at every λ; it is known at the λ of one row."""
-    place = float(v)
-    turns = round(place / np.pi)
-    x = place - turns * np.pi
+    point = float(v)
+    turns = round(point / np.pi)
+    x = point - turns * np.pi
     pole = 1.0 if turns % 2 == 0 else -1.0
     if abs(x) < 1e-300 or v.contains(arb.pi() * turns):
         nothing, flat = np.zeros(count), np.full(count, pole)
         return _End(np.full((count, 1), turns * np.pi), (nothing, nothing), (flat, flat))
-    on_other = (np.sin(place) > 0.0) != (half.shape.third_sign > 0)
+    on_other = (np.sin(point) > 0.0) != (half.shape.third_sign > 0)
     found = zeros[1 if on_other and len(zeros) > 1 else 0]
     column = _column(found, row, abs(x), pole)
     if column is None:
@@ -220,7 +220,7 @@ def _column(zeros: Zeros, row: int, x: float, pole: float) -> int | None:
     middles = 0.5 * (zeros.low[row] + zeros.high[row])
     off = np.where(zeros.hemisphere == pole, np.abs(middles - x), np.inf)
     # Of a zero, and of a place where p² is infinite, there may be two enclosures: the narrower one holds too.
-    widths = np.where(off <= SAME * x, zeros.high[row] - zeros.low[row], np.inf)
+    widths = np.where(off <= ENDPOINT_RELATIVE_DISTANCE * x, zeros.high[row] - zeros.low[row], np.inf)
     best = int(np.argmin(widths)) if off.size else 0
     return best if off.size and widths[best] < np.inf else None
 

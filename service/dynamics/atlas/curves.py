@@ -28,7 +28,9 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, Shap
 from service.dynamics.reduction.sign_proofs.cells import Curves
 from service.dynamics.reduction.sign_proofs.equators import loops_of_stretches
 
-CLOSER = 2.0
+FloatArray = NDArray[np.float64]
+
+EDGES_RATIO = 2.0
 """Ratio of the distances from a place of both ends of a part."""
 
 
@@ -46,10 +48,10 @@ class LambdaStretch:
         ends = [self.low, *np.clip(inner, self.low, self.high).tolist(), self.high]
         return [LambdaStretch(self.is_inverse, low, high) for low, high in pairwise(ends) if low < high]
 
-    def parts_towards(self, place: float, least: float) -> "list[LambdaStretch]":
+    def parts_towards(self, point: float, least: float) -> "list[LambdaStretch]":
         """Return parts as wide as they are far from a place inside; the one about it is twice ``least``."""
-        steps = least * CLOSER ** np.arange(np.log(1.0 / least) / np.log(CLOSER))
-        ends = [*(place * (1.0 - steps)).tolist(), *(place * (1.0 + steps)).tolist()]
+        steps = least * EDGES_RATIO ** np.arange(np.log(1.0 / least) / np.log(EDGES_RATIO))
+        ends = [*(point * (1.0 - steps)).tolist(), *(point * (1.0 + steps)).tolist()]
         inner = sorted(end for end in ends if self.low < end < self.high)
         return [LambdaStretch(self.is_inverse, *pair) for pair in pairwise([self.low, *inner, self.high])]
 
@@ -132,22 +134,20 @@ def half_curves(body: RigidBody, potential: Potential, motion: PlanarMotion) -> 
     return HalfCurves(body, potential, motion, shape_of(body, motion), tight_form(potential.tape))
 
 
-FloatArray = NDArray[np.float64]
-
-STEPS = 80
+MAX_ROOT_STEPS = 80
 """Largest number of steps: some ten are usual, where values are smooth."""
-CLOSE = 2.0**-51
+ROOT_RELATIVE_WIDTH = 2.0**-51
 
 
 def equator_of(half: PlainHalves, stretches: Sequence[LambdaStretch]) -> tuple[FloatArray, FloatArray]:
     """Return Z and G for a λ inside each stretch, shape (stretches, 1)."""
     found: list[tuple[int, float, float]] = []
     for inverse in (False, True):
-        places = [k for k, each in enumerate(stretches) if each.is_inverse == inverse]
-        if places:
-            loops = half.loops([stretches[k] for k in places])
+        points = [k for k, each in enumerate(stretches) if each.is_inverse == inverse]
+        if points:
+            loops = half.loops([stretches[k] for k in points])
             Z, G = (0.5 * (low + high) for low, high in (loops.Z, loops.G))
-            found.extend(zip(places, Z.tolist(), G.tolist(), strict=True))
+            found.extend(zip(points, Z.tolist(), G.tolist(), strict=True))
     ordered = np.array([each[1:] for each in sorted(found)])
     return ordered[:, :1], ordered[:, 1:]
 
@@ -198,7 +198,10 @@ def p_squared(
 
 
 def zero_between(
-    value: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, close: float = CLOSE
+    value: Callable[[FloatArray], FloatArray],
+    low: FloatArray,
+    high: FloatArray,
+    close: float = ROOT_RELATIVE_WIDTH,
 ) -> FloatArray:
     """Return about where ``value`` changes its sign between ``low`` and ``high``, arrays of one shape.
 
@@ -206,29 +209,29 @@ def zero_between(
     quadratic interpolation where three points admit it, else bisection. It ends where the bracket is
     ``close``, relative.
     """
-    place, far = low, high
-    f_place, f_far = value(low), value(high)
+    point, far = low, high
+    f_point, f_far = value(low), value(high)
     share = np.full(np.shape(low), 0.5)
-    for _ in range(STEPS):
-        x = place + share * (far - place)
+    for _ in range(MAX_ROOT_STEPS):
+        x = point + share * (far - point)
         f = value(x)
         # Of the last two places one keeps the bracket; the other is the third point.
-        is_same = (f > 0.0) == (f_place > 0.0)
-        third, f_third = np.where(is_same, place, far), np.where(is_same, f_place, f_far)
-        far, f_far = np.where(is_same, far, place), np.where(is_same, f_far, f_place)
-        place, f_place = x, f
+        is_same = (f > 0.0) == (f_point > 0.0)
+        third, f_third = np.where(is_same, point, far), np.where(is_same, f_point, f_far)
+        far, f_far = np.where(is_same, far, point), np.where(is_same, f_far, f_point)
+        point, f_point = x, f
         with np.errstate(all="ignore"):
-            best = np.where(np.abs(f_place) < np.abs(f_far), place, far)
-            least = 0.5 * close * np.abs(best) / np.abs(far - place)
+            best = np.where(np.abs(f_point) < np.abs(f_far), point, far)
+            least = 0.5 * close * np.abs(best) / np.abs(far - point)
             # NaN is no reason to go on.
-            if not ((least < 0.5) & (np.abs(f_place) > 0.0)).any():
+            if not ((least < 0.5) & (np.abs(f_point) > 0.0)).any():
                 break
-            xi, phi = (place - far) / (third - far), (f_place - f_far) / (f_third - f_far)
+            xi, phi = (point - far) / (third - far), (f_point - f_far) / (f_third - f_far)
             is_quadratic = (phi * phi < xi) & ((1.0 - phi) ** 2 < 1.0 - xi)
-            guess = f_place / (f_far - f_place) * f_third / (f_far - f_third) + (third - place) / (
-                far - place
-            ) * f_place / (f_third - f_place) * f_far / (f_third - f_far)
-            share = np.where(is_quadratic & np.isfinite(guess), guess, 0.5)
+            estimate = f_point / (f_far - f_point) * f_third / (f_far - f_third) + (third - point) / (
+                far - point
+            ) * f_point / (f_third - f_point) * f_far / (f_third - f_far)
+            share = np.where(is_quadratic & np.isfinite(estimate), estimate, 0.5)
             share = np.clip(share, np.minimum(least, 0.5), np.maximum(1.0 - least, 0.5))
-            share = np.where(f_place == 0.0, 0.0, share)
+            share = np.where(f_point == 0.0, 0.0, share)
     return best

@@ -32,14 +32,16 @@ from service.dynamics.potentials.families.general_solution import FAMILY, Genera
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.reduction.geometry.height import c_squared_range, log_sine_ball
 from service.dynamics.reduction.geometry.loop import ball
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 from service.dynamics.reduction.sign_proofs.equators import equators
 from service.dynamics.reduction.window import Arc, ArcEnd, Window
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 
-MOST_ATOMS = 24
-HIGHEST_POWER = 16
-MOST_TERMS = 200
+FloatArray = NDArray[np.float64]
+
+MAX_ATOMS = 24
+MAX_POWER = 16
+MAX_TERMS = 200
 
 Element = fmpq_mpoly | None
 """A polynomial in g3, g1, g2 and functions of g2, with g3 once at most; None is any other function."""
@@ -63,7 +65,7 @@ class _OfLatitude:
     atoms: dict[tuple[str, ...], int] = field(default_factory=dict)
     context: fmpq_mpoly_ctx = field(
         default_factory=lambda: fmpq_mpoly_ctx.get(
-            ["g3", "g1", "g2", *(f"f{k}" for k in range(MOST_ATOMS))], Ordering.lex
+            ["g3", "g1", "g2", *(f"f{k}" for k in range(MAX_ATOMS))], Ordering.lex
         )
     )
 
@@ -85,7 +87,7 @@ class _OfLatitude:
         return None if left is None or right is None else self._reduced(left - right)
 
     def multiply(self, left: Element, right: Element) -> Element:
-        if left is None or right is None or len(left) * len(right) > MOST_TERMS**2:
+        if left is None or right is None or len(left) * len(right) > MAX_TERMS**2:
             return None
         return self._reduced(left * right)
 
@@ -98,12 +100,12 @@ class _OfLatitude:
     def power(self, base: Element, exponent: Fraction) -> Element:
         if base is None:
             return None
-        if exponent.denominator == 1 and 0 < exponent <= HIGHEST_POWER:
+        if exponent.denominator == 1 and 0 < exponent <= MAX_POWER:
             power: Element = base
             for _ in range(exponent.numerator - 1):
                 power = self.multiply(power, base)
             return power
-        if base.is_constant() and base and exponent.denominator == 1 and abs(exponent) <= HIGHEST_POWER:
+        if base.is_constant() and base and exponent.denominator == 1 and abs(exponent) <= MAX_POWER:
             return self.context.constant(base.leading_coefficient() ** exponent.numerator)
         return self._atom("power", base, str(exponent)) if _is_of_latitude(base) else None
 
@@ -134,14 +136,14 @@ class _OfLatitude:
     def _atom(self, *key: str | fmpq_mpoly) -> Element:
         """Return the variable of a function of g2; the same function of the same polynomial is one."""
         text = tuple(map(str, key))
-        if text not in self.atoms and len(self.atoms) == MOST_ATOMS:
+        if text not in self.atoms and len(self.atoms) == MAX_ATOMS:
             return None
         return self.context.gens()[3 + self.atoms.setdefault(text, len(self.atoms))]
 
     def _reduced(self, polynomial: fmpq_mpoly) -> Element:
         g3, g1, g2 = self.context.gens()[:3]
         found = polynomial % (g3**2 - (1 - g1**2 - g2**2))
-        return found if len(found) <= MOST_TERMS else None
+        return found if len(found) <= MAX_TERMS else None
 
 
 def _is_of_latitude(polynomial: fmpq_mpoly) -> bool:
@@ -172,17 +174,16 @@ def _is_constant(F: Tree) -> bool:
     return tape.result != 0 and all(0 not in (made.left, made.right) for made in tape.instructions)
 
 
-FloatArray = NDArray[np.float64]
 _Latitude = tuple[int, arb, arb]
 """The sign of g2 by which it is looked up, g2, and 1 − g2²."""
 
-STEPS = 60
+NEWTON_STEPS = 60
 """Newton's, for the place on the curve, which no bound rests on."""
-NEAR_EQUATOR = 0.7
-AT_EQUATOR = 1e-9
+NEAR_EQUATOR_COSINE = 0.7
+AT_EQUATOR_COSINE = 1e-9
 """|cos v| below which a place is looked up in both hemispheres."""
-ROUNDED = 2.0**-48
-LOOSE = 2.0**-60
+POINT_RELATIVE_ROUNDING = 2.0**-48
+MULTIPLE_ZERO_RADIUS = 2.0**-60
 """Room about zeros that are not simple."""
 
 
@@ -205,7 +206,7 @@ def zeros_at_latitudes(
     ``only`` those ends that are of this kind: where p² is infinite it is at one g2 for every λ.
     """
     latitudes: list[list[_Latitude]] = [[] for _ in halves]
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         for window in windows:
             for arc in window.arcs:
                 for number, latitude, end in _ends(halves, arc):
@@ -229,8 +230,8 @@ def _ends(halves: Sequence[HalfCurves], arc: Arc) -> Iterator[tuple[int, _Latitu
         rho = first * first + loop.Z * loop.Z * sine * sine
         # Bounds enclose a simple zero, or one of 1/p²; where others are is known to the bits in use, which
         # is no bound.
-        room = arb(0) if end in ("rest", "collision") else arb(0, LOOSE)
-        for side in [1] if cosine > AT_EQUATOR else [-1] if cosine < -AT_EQUATOR else [1, -1]:
+        room = arb(0) if end in ("rest", "collision") else arb(0, MULTIPLE_ZERO_RADIUS)
+        for side in [1] if cosine > AT_EQUATOR_COSINE else [-1] if cosine < -AT_EQUATOR_COSINE else [1, -1]:
             yield 1 if is_other and len(halves) > 1 else 0, (side, cosine * c + room, rho + room), end
 
 
@@ -246,7 +247,11 @@ def _zeros(half: HalfCurves, single: Sequence[LambdaStretch], latitudes: Sequenc
     sizes = third if half.shape.is_mirrored else first
     x = _distances(half, single, np.abs(np.array([float(y) for _, y, _ in latitudes])), third)
     return Zeros(
-        x, x, hemisphere, (sizes[0] * (1.0 - ROUNDED), sizes[1] * (1.0 + ROUNDED)), (height[0], height[1])
+        x,
+        x,
+        hemisphere,
+        (sizes[0] * (1.0 - POINT_RELATIVE_ROUNDING), sizes[1] * (1.0 + POINT_RELATIVE_ROUNDING)),
+        (height[0], height[1]),
     )
 
 
@@ -263,7 +268,7 @@ def _on_latitudes(
     shares = [_bounds(each.log() * (1 / ball(half.shape.alpha) - 1) / 2) for each in rho]
     low, high = (logarithms[:, None] + np.array([each[k] for each in shares]) for k in (0, 1))
     # log k and the sum are off by roundings.
-    error = ROUNDED * (1.0 + np.abs(logarithms)[:, None] + np.abs(low))
+    error = POINT_RELATIVE_ROUNDING * (1.0 + np.abs(logarithms)[:, None] + np.abs(low))
     return equators(half.shape.alpha, low - error, high + error)
 
 
@@ -280,10 +285,12 @@ def _distances(
     # With q = cos² x, q Z² + (1 − (1 − q)^α) G² is g2²: concave, so that steps from 0 do not pass the root.
     q = np.zeros(sine.shape)
     with np.errstate(all="ignore"):
-        for _ in range(STEPS):
+        for _ in range(NEWTON_STEPS):
             rest = q * Z * Z - np.expm1(alpha * np.log1p(-q)) * G * G - height * height
-            q = np.clip(q - rest / (Z * Z + alpha * G * G * (1.0 - q) ** (alpha - 1.0)), 0.0, NEAR_EQUATOR)
+            q = np.clip(
+                q - rest / (Z * Z + alpha * G * G * (1.0 - q) ** (alpha - 1.0)), 0.0, NEAR_EQUATOR_COSINE
+            )
         found: FloatArray = np.where(
-            sine < NEAR_EQUATOR, np.arcsin(sine), np.arctan2(np.sqrt(1.0 - q), np.sqrt(q))
+            sine < NEAR_EQUATOR_COSINE, np.arcsin(sine), np.arctan2(np.sqrt(1.0 - q), np.sqrt(q))
         )
-    return np.minimum(found, QUARTER)
+    return np.minimum(found, QUARTER_TURN)

@@ -105,11 +105,11 @@ def _meeting(half: PlainHalves, number: int, beside: Beside) -> tuple[int, Measu
     if not gaps.size or np.isnan(gaps).all():
         return 0, None, None
     first = int(np.nanargmin(gaps))
-    g1, g2 = (_about(bounds, first) for bounds in _places(half, zeros))
+    g1, g2 = (_about(bounds, first) for bounds in _points(half, zeros))
     return _signs(beside.signatures[number])[first + 1], g1, g2
 
 
-def _places(half: PlainHalves, zeros: Zeros) -> list[tuple[FloatArray, ...]]:
+def _points(half: PlainHalves, zeros: Zeros) -> list[tuple[FloatArray, ...]]:
     sign = half.shape.third_sign if half.shape.is_mirrored else half.shape.first_sign
     g1 = tuple(sign * side[0] for side in zeros.size)
     return [g1, tuple(side[0] for side in zeros.height)]

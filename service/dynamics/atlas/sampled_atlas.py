@@ -23,7 +23,7 @@ from service.dynamics.atlas.curves import (
     motion_at,
     zero_between,
 )
-from service.dynamics.atlas.grid_signs import Look, looks_at, radicand_ball, trusted_places
+from service.dynamics.atlas.grid_signs import GridSigns, grid_signs_at, radicand_ball, trusted_points
 from service.dynamics.atlas.parts import Atlas, AtlasPart, Beside, Change, LambdaRange, change_between
 from service.dynamics.atlas.sign_maps import EQUATOR, Signature
 from service.dynamics.atlas.zeros import Zeros
@@ -35,89 +35,89 @@ from service.dynamics.reduction.windows import find_windows
 FloatArray = NDArray[np.float64]
 Signatures = tuple[Signature, ...]
 
-NARROW = 1e-10
+CHANGE_LOG_WIDTH = 1e-10
 """Width in log λ down to which a stretch with different ends is halved."""
-ROUNDS = 60
-"""Halvings: from a range of 1e18 to NARROW."""
-MOST_ROUNDS = 4
+MAX_HALVINGS = 60
+"""Halvings: from a range of 1e18 to CHANGE_LOG_WIDTH."""
+MAX_RESAMPLINGS = 4
 """So often the λ that parts are followed at may show something new."""
-WIDTHS = [2.0**k for k in range(-49, -18, 3)]
-"""Relative widths to both sides of a guessed zero that are tried."""
-ENERGY_AT = (1.0, 0.4, 2.2)
+ZERO_RELATIVE_WIDTHS = [2.0**k for k in range(-49, -18, 3)]
+"""Relative widths to both sides of a estimated zero that are tried."""
+ENERGY_ANGLES = (1.0, 0.4, 2.2)
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
-    """The signs of p² seen along all half curves at one λ."""
+class SampledLambda:
+    """The signs of p² along all half curves at one λ, in doubles."""
 
     logarithm: float
     """log of the primed λ."""
     single: LambdaStretch
-    looks: tuple[Look, ...]
+    grids: tuple[GridSigns, ...]
 
     @property
     def signatures(self) -> Signatures:
         """The signs along each half curve."""
-        return tuple(look.signature for look in self.looks)
+        return tuple(grid.signature for grid in self.grids)
 
 
 @dataclass(frozen=True, slots=True)
-class SeenPart:
-    """Neighbouring λ at which the same is seen, in the order of growing primed λ."""
+class SampledPart:
+    """Neighbouring λ with equal signs, in the order of growing primed λ."""
 
-    sights: tuple[Sight, ...]
+    sampled: tuple[SampledLambda, ...]
 
     @property
     def signatures(self) -> Signatures:
         """The signs along each half curve, at all of them."""
-        return self.sights[0].signatures
+        return self.sampled[0].signatures
 
 
-class Watcher:
-    """Looks at λ of the half curves of one potential, and remembers what it saw."""
+class Sampler:
+    """Computes the signs at single λ of the half curves of one potential, each λ once."""
 
     def __init__(self, halves: Sequence[PlainHalves], low: float, high: float) -> None:
         self.halves = halves
         ends = [single_at(t) for t in (low, 0.5 * (low + high), high)]
-        self._places = trusted_places(halves, ends)
-        self.sights: dict[float, Sight] = {}
+        self._points = trusted_points(halves, ends)
+        self.sampled: dict[float, SampledLambda] = {}
 
-    def look(self, logarithms: Sequence[float]) -> None:
-        """Look at these λ."""
-        fresh = sorted({t for t in logarithms if t not in self.sights})
+    def sample(self, logarithms: Sequence[float]) -> None:
+        """Compute the signs at these λ."""
+        fresh = sorted({t for t in logarithms if t not in self.sampled})
         if not fresh:
             return
         single = [single_at(t) for t in fresh]
-        columns = [looks_at(half, self._places, single) for half in self.halves]
-        for t, each, *looks in zip(fresh, single, *columns, strict=True):
-            self.sights[t] = Sight(t, each, tuple(looks))
+        columns = [grid_signs_at(half, self._points, single) for half in self.halves]
+        for t, each, *grids in zip(fresh, single, *columns, strict=True):
+            self.sampled[t] = SampledLambda(t, each, tuple(grids))
 
-    def in_order(self) -> list[Sight]:
-        """Return everything seen, in the order of growing primed λ."""
-        return [self.sights[t] for t in sorted(self.sights)]
+    def in_order(self) -> list[SampledLambda]:
+        """Return all λ so far, in the order of growing primed λ."""
+        return [self.sampled[t] for t in sorted(self.sampled)]
 
     def halve(self, is_late: Callable[[], bool]) -> None:
         """Halve the stretches between neighbours that differ until they are narrow, or it is late."""
-        for _ in range(ROUNDS):
+        for _ in range(MAX_HALVINGS):
             wide = [
                 0.5 * (one.logarithm + other.logarithm)
                 for one, other in pairwise(self.in_order())
-                if one.signatures != other.signatures and other.logarithm - one.logarithm > NARROW
+                if one.signatures != other.signatures and other.logarithm - one.logarithm > CHANGE_LOG_WIDTH
             ]
             if not wide or is_late():
                 return
-            self.look(wide)
+            self.sample(wide)
 
-    def parts(self) -> list[SeenPart]:
-        """Return the runs of λ at which the same is seen; one as narrow as a change belongs to it."""
-        runs: list[list[Sight]] = []
-        for sight in self.in_order():
-            if runs and runs[-1][-1].signatures == sight.signatures:
-                runs[-1].append(sight)
+    def parts(self) -> list[SampledPart]:
+        """Return the runs of λ with equal signs; one as narrow as a change belongs to it."""
+        runs: list[list[SampledLambda]] = []
+        for each in self.in_order():
+            if runs and runs[-1][-1].signatures == each.signatures:
+                runs[-1].append(each)
             else:
-                runs.append([sight])
-        kept = [run for run in runs if run[-1].logarithm - run[0].logarithm > 4.0 * NARROW]
-        return [SeenPart(tuple(run)) for run in kept or runs[:1]]
+                runs.append([each])
+        kept = [run for run in runs if run[-1].logarithm - run[0].logarithm > 4.0 * CHANGE_LOG_WIDTH]
+        return [SampledPart(tuple(run)) for run in kept or runs[:1]]
 
 
 def single_at(logarithm: float) -> LambdaStretch:
@@ -126,44 +126,44 @@ def single_at(logarithm: float) -> LambdaStretch:
     return LambdaStretch(logarithm > 0.0, k, k)
 
 
-def seen_parts(
-    watcher: Watcher, low: float, high: float, samples: int, fewest: int, is_late: Callable[[], bool]
-) -> list[SeenPart]:
+def sampled_parts(
+    sampler: Sampler, low: float, high: float, samples: int, fewest: int, is_late: Callable[[], bool]
+) -> list[SampledPart]:
     """Return the parts between these logarithms of the primed λ, each seen at ``fewest`` λ or more."""
-    watcher.look(np.linspace(low, high, samples).tolist())
-    parts: list[SeenPart] = []
-    for _ in range(MOST_ROUNDS):
-        watcher.halve(is_late)
-        found = watcher.parts()
+    sampler.sample(np.linspace(low, high, samples).tolist())
+    parts: list[SampledPart] = []
+    for _ in range(MAX_RESAMPLINGS):
+        sampler.halve(is_late)
+        found = sampler.parts()
         if is_late() or [part.signatures for part in found] == [part.signatures for part in parts]:
             return found
         parts = found
         for part in parts:
-            watcher.look(followed(part, low, high, samples, fewest))
-    return watcher.parts()
+            sampler.sample(followed(part, low, high, samples, fewest))
+    return sampler.parts()
 
 
-def followed(part: SeenPart, low: float, high: float, samples: int, fewest: int) -> list[float]:
+def followed(part: SampledPart, low: float, high: float, samples: int, fewest: int) -> list[float]:
     """Return the logarithms at which a part is followed, denser towards its ends."""
-    first, last = part.sights[0].logarithm, part.sights[-1].logarithm
+    first, last = part.sampled[0].logarithm, part.sampled[-1].logarithm
     count = max(round(samples * (last - first) / (high - low)), fewest)
     shares = 0.5 - 0.5 * np.cos(np.pi * np.arange(count) / (count - 1))
     return [first, *(first + (last - first) * shares[1:-1]).tolist(), last]
 
 
-def seen_series(
+def sampled_series(
     halves: Sequence[PlainHalves],
-    sights: Sequence[Sight],
+    sampled: Sequence[SampledLambda],
     is_late: Callable[[], bool],
     *,
     has_periods: bool,
 ) -> WindowSeries | DynamicsError | None:
-    """Return the windows at these λ, or why they are not told; None if it is late or two ways see others.
+    """Return the windows at these λ, or why they are not decided; None if it is late or two ways see others.
 
-    ``sights`` are in the order of the client's λ, and all show the same.
+    ``sampled`` are in the order of the client's λ, and all show the same.
     """
-    row = len(sights) // 2
-    single = [sight.single for sight in sights]
+    row = len(sampled) // 2
+    single = [each.single for each in sampled]
     half = halves[0]
     if is_late():
         return None
@@ -171,11 +171,11 @@ def seen_series(
         windows = find_windows(half.body, half.potential, motion_at(half, single[row]))
     except DynamicsError as refusal:
         return refusal
-    if not _agree(windows, sights[row].looks[0]):
+    if not _agree(windows, sampled[row].grids[0]):
         return None
     zeros = list[Zeros]()
     for k, each in enumerate(halves):
-        found = seen_zeros(each, single, [sight.looks[k] for sight in sights], is_late)
+        found = sampled_zeros(each, single, [each.grids[k] for each in sampled], is_late)
         if found is None:
             return None
         zeros.append(found)
@@ -183,57 +183,57 @@ def seen_series(
     return series_of(halves, zeros, single, windows, row, energy, has_periods=has_periods)
 
 
-def _agree(windows: Sequence[Window], look: Look) -> bool:
+def _agree(windows: Sequence[Window], grid: GridSigns) -> bool:
     """Tell whether the half has as many stretches with p² > 0 as windows have arcs."""
     # On both sides of the equator the sign is the same.
-    positive = [sign == 1 for sign in look.signature if sign != EQUATOR]
+    positive = [sign == 1 for sign in grid.signature if sign != EQUATOR]
     return sum(len(window.arcs) for window in windows) == sum(key for key, _ in groupby(positive))
 
 
-def seen_zeros(
+def sampled_zeros(
     half: PlainHalves,
     single: Sequence[LambdaStretch],
-    looks: Sequence[Look],
+    grids: Sequence[GridSigns],
     is_late: Callable[[], bool] = lambda: False,
 ) -> Zeros | None:
     """Return the zeros that were seen, each between two places where balls have different signs.
 
     NaN where they have not. None if it is late.
     """
-    hemisphere = looks[0].hemisphere
+    hemisphere = grids[0].hemisphere
     shape = len(single), len(hemisphere)
-    low, high = (np.stack([getattr(look, end) for look in looks]) for end in ("low", "high"))
+    low, high = (np.stack([getattr(grid, end) for grid in grids]) for end in ("low", "high"))
     Z, G = equator_of(half, single)
     side = hemisphere[None, :].astype(np.float64)
-    guesses = zero_between(lambda x: d_on_curves(half, Z, G, side, x), low, high) if low.size else low
+    estimates = zero_between(lambda x: d_on_curves(half, Z, G, side, x), low, high) if low.size else low
     bounds = np.full((6, *shape), np.nan)
     for row, each in enumerate(single):
         if is_late():
             return None
         loop = make_loop(half.body, half.potential, motion_at(half, each))
         for k in range(shape[1]):
-            bounds[:, row, k] = _enclosed(half, loop, float(hemisphere[k]), float(guesses[row, k]))
+            bounds[:, row, k] = _enclosed(half, loop, float(hemisphere[k]), float(estimates[row, k]))
     x, size, height = bounds[:2], bounds[2:4], bounds[4:]
     return Zeros(x[0], x[1], hemisphere, (size[0], size[1]), (height[0], height[1]))
 
 
-def _enclosed(half: PlainHalves, loop: Loop, side: float, guess: float) -> list[float]:
+def _enclosed(half: PlainHalves, loop: Loop, side: float, estimate: float) -> list[float]:
     """Return bounds of the distance from the pole, of |g1| and of g2 at a zero, in doubles."""
-    if not guess > 0.0:
+    if not estimate > 0.0:
         return [np.nan] * 6
-    for width in WIDTHS:
-        ends = arb(guess * (1.0 - width)), arb(guess * (1.0 + width))
+    for width in ZERO_RELATIVE_WIDTHS:
+        ends = arb(estimate * (1.0 - width)), arb(estimate * (1.0 + width))
         one, other = (radicand_ball(half, loop, side, x) for x in ends)
         if not ((one < 0 and other > 0) or (one > 0 and other < 0)):
             continue
-        places = [_place(half, loop, side, x) for x in ends]
+        points = [_point(half, loop, side, x) for x in ends]
         return [float(x) for x in ends] + [
-            bound for k in (0, 1) for bound in _between(places[0][k], places[1][k])
+            bound for k in (0, 1) for bound in _between(points[0][k], points[1][k])
         ]
     return [np.nan] * 6
 
 
-def _place(half: PlainHalves, loop: Loop, side: float, x: arb) -> tuple[arb, arb]:
+def _point(half: PlainHalves, loop: Loop, side: float, x: arb) -> tuple[arb, arb]:
     """Return |g1| and g2, the first in the client's axes; both are monotone from a pole to the equator."""
     sine, cosine = x.sin_cos()
     at = loop.point_from(sine, cosine if side > 0 else -cosine)
@@ -250,20 +250,20 @@ def _energies(half: PlainHalves, single: Sequence[LambdaStretch]) -> Measured:
     found = []
     for each in single:
         loop = make_loop(half.body, half.potential, motion_at(half, each))
-        values = (loop.energy(arb(v * half.shape.third_sign)) for v in ENERGY_AT)
+        values = (loop.energy(arb(v * half.shape.third_sign)) for v in ENERGY_ANGLES)
         value = next((value for value in values if value.is_finite()), None)
         found.append((np.nan, np.nan) if value is None else _between(value, value))
     low, high = np.array(found).T
     return Measured.between(low, high)
 
 
-AWAY = 1e-6
+PROBE_LOG_DISTANCE = 1e-6
 """Distance in log λ from a change, where it is looked at which zeros meet."""
-WIDEST = 16.0 * NARROW
-"""Width in log λ of what is told as a change."""
+MAX_CHANGE_LOG_WIDTH = 16.0 * CHANGE_LOG_WIDTH
+"""Width in log λ of what counts as a change."""
 
 
-def seen_atlas(
+def sampled_atlas(
     halves: Sequence[PlainHalves],
     over: LambdaRange,
     samples: int,
@@ -274,67 +274,67 @@ def seen_atlas(
 ) -> Atlas:
     """Return what is seen at about ``samples`` λ and, between those that differ, by halving."""
     low, high = (float(np.log(end)) for end in over.primed(halves[0]))
-    watcher = Watcher(halves, low, high)
-    parts = seen_parts(watcher, low, high, samples, fewest, is_late)
+    sampler = Sampler(halves, low, high)
+    parts = sampled_parts(sampler, low, high, samples, fewest, is_late)
     if halves[0].shape.is_mirrored:
         parts = parts[::-1]
     found, changes, undecided = list[AtlasPart](), list[Change](), list[tuple[arb, arb]]()
     # From the end of one part to the beginning of the next, in the order of the client's λ.
     end, start = (0, -1) if halves[0].shape.is_mirrored else (-1, 0)
     for before, after in pairwise(parts):
-        one, other = before.sights[end], after.sights[start]
+        one, other = before.sampled[end], after.sampled[start]
         between = over.ends(halves[0], one.single, other.single)
-        is_narrow = abs(other.logarithm - one.logarithm) < WIDEST
+        is_narrow = abs(other.logarithm - one.logarithm) < MAX_CHANGE_LOG_WIDTH
         if not is_narrow or before.signatures == after.signatures or is_late():
             undecided.append(between)
         else:
-            besides = _beside(watcher, before, end), _beside(watcher, after, start)
+            besides = _beside(sampler, before, end), _beside(sampler, after, start)
             changes.append(change_between(halves, *besides, between))
     for part in parts:
-        ends = over.ends(halves[0], part.sights[0].single, part.sights[-1].single)
+        ends = over.ends(halves[0], part.sampled[0].single, part.sampled[-1].single)
         wanted = followed(part, low, high, samples, fewest)
-        told = _told(watcher, part, wanted, is_late, has_periods=has_periods)
-        if told is None:
+        series = _series(sampler, part, wanted, is_late, has_periods=has_periods)
+        if series is None:
             undecided.append(ends)
-        elif isinstance(told, DynamicsError):
-            found.append(AtlasPart(*ends, None, told))
+        elif isinstance(series, DynamicsError):
+            found.append(AtlasPart(*ends, None, series))
         else:
-            found.append(AtlasPart(*ends, told, None))
+            found.append(AtlasPart(*ends, series, None))
     undecided.sort(key=lambda ends: float(ends[0].mid()))
     return Atlas(over, tuple(found), tuple(changes), tuple(undecided), "seen")
 
 
-def _told(
-    watcher: Watcher,
-    part: SeenPart,
+def _series(
+    sampler: Sampler,
+    part: SampledPart,
     wanted: Sequence[float],
     is_late: Callable[[], bool],
     *,
     has_periods: bool,
 ) -> WindowSeries | DynamicsError | None:
-    """Return the windows at the wanted λ of a part, or why they are not told; None if that is not decided."""
+    """Return the windows at the wanted λ, or why they are not decided; None if it is late or signs differ."""
     if is_late():
         return None
-    watcher.look(wanted)
-    sights = [watcher.sights[t] for t in wanted]
+    sampler.sample(wanted)
+    sampled = [sampler.sampled[t] for t in wanted]
     # At the last λ that are looked at something new may be seen.
-    if any(sight.signatures != part.signatures for sight in sights):
+    if any(each.signatures != part.signatures for each in sampled):
         return None
-    if watcher.halves[0].shape.is_mirrored:
-        sights.reverse()
-    return seen_series(watcher.halves, sights, is_late, has_periods=has_periods)
+    if sampler.halves[0].shape.is_mirrored:
+        sampled.reverse()
+    return sampled_series(sampler.halves, sampled, is_late, has_periods=has_periods)
 
 
-def _beside(watcher: Watcher, part: SeenPart, place: int) -> Beside:
+def _beside(sampler: Sampler, part: SampledPart, end_index: int) -> Beside:
     """Return the part as it is next to a change, and far enough from it that the zeros are apart."""
-    end = part.sights[place]
-    away = end.logarithm + (AWAY if place == 0 else -AWAY)
-    watcher.look([away])
-    sight = watcher.sights[away]
-    nearest = sight if sight.signatures == part.signatures else end
+    end = part.sampled[end_index]
+    away = end.logarithm + (PROBE_LOG_DISTANCE if end_index == 0 else -PROBE_LOG_DISTANCE)
+    sampler.sample([away])
+    sampled = sampler.sampled[away]
+    nearest = sampled if sampled.signatures == part.signatures else end
 
     def zeros(k: int) -> Zeros:
-        found = seen_zeros(watcher.halves[k], [nearest.single], [nearest.looks[k]])
+        found = sampled_zeros(sampler.halves[k], [nearest.single], [nearest.grids[k]])
         assert found is not None
         return found
 

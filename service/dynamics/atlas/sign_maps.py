@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 from service.dynamics.formula.algebras.intervals import IntervalAlgebra
 from service.dynamics.formula.vanishing import vanishing_parts
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
-    NARROWEST,
-    QUARTER,
+    CELL_MIN_RELATIVE_WIDTH,
+    QUARTER_TURN,
     Cells,
     Loops,
     axes,
     heights,
     scales,
 )
-from service.dynamics.reduction.sign_proofs.cells import Curves, look_at
+from service.dynamics.reduction.sign_proofs.cells import Curves, signs_on_cells
 from service.dynamics.reduction.sign_proofs.infinities import limits_between
 from service.dynamics.reduction.sign_proofs.signs import (
     CELLS,
     FIRST,
     INFINITE,
-    Picture,
+    SignMap,
     cells_to_cut,
     chosen,
     joined,
@@ -35,8 +35,8 @@ BoolArray = NDArray[np.bool_]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-ROUNDS = 6
-MOST_CUT = 192
+CUT_ROUNDS = 6
+MAX_CELLS_CUT = 192
 """Open cells of one stretch of λ that are cut; if there are more, its halves are looked at instead."""
 
 Signature = tuple[int, ...]
@@ -68,48 +68,54 @@ class Finest:
     anywhere: float = 0.0
     at_equator: float = 0.0
     """Width for the cell next to the equator, where a zero may cross it."""
-    rounds: int = ROUNDS
+    rounds: int = CUT_ROUNDS
 
 
-def pictures_of(curves: Curves, starts: Sequence[Picture | None], finest: Sequence[Finest]) -> list[Picture]:
+def sign_maps_of(curves: Curves, starts: Sequence[SignMap | None], finest: Sequence[Finest]) -> list[SignMap]:
     """Return for each curve what bounds say, open cells being cut.
 
-    A start is a picture of curves among which this one is: what it settles stays settled.
+    A start is a sign map of curves among which this one is: what it settles stays settled.
     """
     found = _first(curves, starts)
     active = list(range(len(found)))
-    for round_ in range(ROUNDS):
+    for round_ in range(CUT_ROUNDS):
         # What is not cut stays as it is.
         cuts = {k: _cut(found[k], finest[k]) for k in active if round_ < finest[k].rounds}
-        active = [k for k, cut in cuts.items() if 0 < np.count_nonzero(cut) <= MOST_CUT]
+        active = [k for k, cut in cuts.items() if 0 < np.count_nonzero(cut) <= MAX_CELLS_CUT]
         if not active:
             break
         parts = _together([parts_of(found[k].cells.at(cuts[k])) for k in active], active)
-        answers = _split(Picture(parts, look_at(curves, parts, with_slope=True), _no_zeros(parts)), active)
+        answers = _split(
+            SignMap(parts, signs_on_cells(curves, parts, with_slope=True), _no_zeros(parts)), active
+        )
         for k in active:
             found[k] = joined(chosen(found[k], ~cuts[k]), answers[k])
     return found
 
 
-def _cut(picture: Picture, least: Finest) -> BoolArray:
-    widths = _widths(picture.cells)
-    is_cut: BoolArray = cells_to_cut(picture) & (widths > least.anywhere)
-    return is_cut | (_open_at_equator(picture) & (widths > max(least.at_equator, NARROWEST)))
+def _cut(sign_map: SignMap, least: Finest) -> BoolArray:
+    widths = _widths(sign_map.cells)
+    is_cut: BoolArray = cells_to_cut(sign_map) & (widths > least.anywhere)
+    return is_cut | (_open_at_equator(sign_map) & (widths > max(least.at_equator, CELL_MIN_RELATIVE_WIDTH)))
 
 
-def _open_at_equator(picture: Picture) -> BoolArray:
+def _open_at_equator(sign_map: SignMap) -> BoolArray:
     """Tell which of the two cells next to the equator are without a sign."""
-    is_open: BoolArray = (picture.cells.high >= QUARTER) & ~picture.is_settled & (picture.most_zeros < 0)
+    is_open: BoolArray = (
+        (sign_map.cells.high >= QUARTER_TURN) & ~sign_map.is_settled & (sign_map.most_zeros < 0)
+    )
     return is_open
 
 
-def _first(curves: Curves, starts: Sequence[Picture | None]) -> list[Picture]:
+def _first(curves: Curves, starts: Sequence[SignMap | None]) -> list[SignMap]:
     """Return the first cells of curves without a start, and the open cells of the others looked at again."""
-    found: list[Picture | None] = list(starts)
+    found: list[SignMap | None] = list(starts)
     fresh = [k for k, start in enumerate(starts) if start is None]
     if fresh:
         cells = _together([_first_cells()] * len(fresh), fresh)
-        answers = _split(Picture(cells, look_at(curves, cells, with_slope=False), _no_zeros(cells)), fresh)
+        answers = _split(
+            SignMap(cells, signs_on_cells(curves, cells, with_slope=False), _no_zeros(cells)), fresh
+        )
         for k in fresh:
             found[k] = answers[k]
     again = {k: _open_cells(start) for k, start in enumerate(starts) if start is not None}
@@ -118,11 +124,11 @@ def _first(curves: Curves, starts: Sequence[Picture | None]) -> list[Picture]:
         given = {k: start for k, start in enumerate(starts) if start is not None and k in again}
         cells = _together([start.cells.at(again[k]) for k, start in given.items()], list(given))
         answers = _split(
-            Picture(cells, look_at(curves, cells, with_slope=True), _no_zeros(cells)), list(given)
+            SignMap(cells, signs_on_cells(curves, cells, with_slope=True), _no_zeros(cells)), list(given)
         )
         for k, start in given.items():
             found[k] = joined(chosen(start, ~again[k]), answers[k])
-    return [picture for picture in found if picture is not None]
+    return [sign_map for sign_map in found if sign_map is not None]
 
 
 def _first_cells() -> Cells:
@@ -135,12 +141,12 @@ def _first_cells() -> Cells:
     )
 
 
-def _open_cells(picture: Picture) -> BoolArray:
+def _open_cells(sign_map: SignMap) -> BoolArray:
     """Tell which cells are without a sign in gaps that are not closed; none that :mod:`.turns` made."""
-    is_open = np.zeros(len(picture.found.sign), dtype=np.bool_)
-    for first, last in picture.open_gaps():
+    is_open = np.zeros(len(sign_map.found.sign), dtype=np.bool_)
+    for first, last in sign_map.open_gaps():
         is_open[first:last] = True
-    return (is_open & (picture.most_zeros < 0)) | _open_at_equator(picture)
+    return (is_open & (sign_map.most_zeros < 0)) | _open_at_equator(sign_map)
 
 
 def _widths(cells: Cells) -> FloatArray:
@@ -160,30 +166,30 @@ def _no_zeros(cells: Cells) -> IntArray:
     return np.full(len(cells.low), -1)
 
 
-def _split(whole: Picture, owners: Sequence[int]) -> dict[int, Picture]:
+def _split(whole: SignMap, owners: Sequence[int]) -> dict[int, SignMap]:
     return {k: chosen(whole, np.flatnonzero(whole.cells.owner == k)) for k in owners}
 
 
-def with_infinities(curves: Curves, single: Loops, pictures: Sequence[Picture]) -> list[Picture]:
-    """Return the pictures with the gaps marked in which p² is proved to be infinite once, for every λ.
+def with_infinities(curves: Curves, single: Loops, sign_maps: Sequence[SignMap]) -> list[SignMap]:
+    """Return the sign maps with the gaps marked in which p² is proved to be infinite once, for every λ.
 
     On both sides of it p² has the sign that it has beside the gap. ``single`` are loops of one λ of each.
     """
-    found = list(pictures)
+    found = list(sign_maps)
     if not vanishing_parts(curves.tape):
         return found
-    for k, picture in enumerate(pictures):
-        most = picture.most_zeros.copy()
-        for first, last in picture.open_gaps():
-            if first == 0 or last == len(most) or picture.is_infinite((first, last)):
+    for k, sign_map in enumerate(sign_maps):
+        most = sign_map.most_zeros.copy()
+        for first, last in sign_map.open_gaps():
+            if first == 0 or last == len(most) or sign_map.is_infinite((first, last)):
                 continue
-            beside = int(picture.found.sign[first - 1]), int(picture.found.sign[last])
+            beside = int(sign_map.found.sign[first - 1]), int(sign_map.found.sign[last])
             if (
                 0 not in beside
-                and _limits_in(curves, single, k, picture.cells.at(slice(first, last))) == beside
+                and _limits_in(curves, single, k, sign_map.cells.at(slice(first, last))) == beside
             ):
                 most[first:last] = INFINITE
-        found[k] = replace(picture, most_zeros=most)
+        found[k] = replace(sign_map, most_zeros=most)
     return found
 
 
@@ -209,36 +215,36 @@ def _limits_in(curves: Curves, single: Loops, owner: int, gap: Cells) -> tuple[i
     return limits_between(curves, box, (ends[0], ends[1]))
 
 
-def compact(picture: Picture) -> Picture:
-    """Return the picture with neighbouring cells joined on which the same is proved."""
-    settled, hemisphere = picture.is_settled, picture.cells.hemisphere
-    labels = np.where(picture.found.is_undefined, UNDEFINED, picture.found.sign)
+def compact(sign_map: SignMap) -> SignMap:
+    """Return the sign map with neighbouring cells joined on which the same is proved."""
+    settled, hemisphere = sign_map.is_settled, sign_map.cells.hemisphere
+    labels = np.where(sign_map.found.is_undefined, UNDEFINED, sign_map.found.sign)
     is_more = settled[1:] & settled[:-1] & (labels[1:] == labels[:-1]) & (hemisphere[1:] == hemisphere[:-1])
     starts = np.concatenate([[0], np.flatnonzero(~is_more) + 1])
-    first = chosen(picture, starts)
+    first = chosen(sign_map, starts)
     low, high = (
-        np.minimum.reduceat(picture.cells.low, starts),
-        np.maximum.reduceat(picture.cells.high, starts),
+        np.minimum.reduceat(sign_map.cells.low, starts),
+        np.maximum.reduceat(sign_map.cells.high, starts),
     )
     return replace(first, cells=replace(first.cells, low=low, high=high))
 
 
-def signature_of(picture: Picture) -> Signature | None:
+def signature_of(sign_map: SignMap) -> Signature | None:
     """Return the signs along the half curve if they are proved, the same for every λ of the stretch, or None.
 
     Then p² has one simple zero between two signs, or is infinite at one place, and has no other zero, for
     every λ; none at the equator or a pole.
     """
-    is_settled, is_infinite = picture.is_settled, picture.most_zeros == INFINITE
-    north = picture.cells.hemisphere > 0.0
+    is_settled, is_infinite = sign_map.is_settled, sign_map.most_zeros == INFINITE
+    north = sign_map.cells.hemisphere > 0.0
     border = int(np.count_nonzero(north))
     at_ends = (0, border - 1, border, len(is_settled) - 1)
-    if not all(is_settled[k] for k in at_ends) or not all(map(picture.is_infinite, picture.open_gaps())):
+    if not all(is_settled[k] for k in at_ends) or not all(map(sign_map.is_infinite, sign_map.open_gaps())):
         return None
-    labels = np.where(picture.found.is_undefined, UNDEFINED, picture.found.sign)
+    labels = np.where(sign_map.found.is_undefined, UNDEFINED, sign_map.found.sign)
     # A change without a stretch of growth or fall between is a jump, or the edge of where p² has a value.
     jumps = (labels[1:] != labels[:-1]) & is_settled[1:] & is_settled[:-1]
-    if jumps.any() or _touches_edge(picture, labels):
+    if jumps.any() or _touches_edge(sign_map, labels):
         return None
     labels = np.where(is_infinite, INFINITE, labels)
     parts = [labels[part & (is_settled | is_infinite)] for part in (north, ~north)]
@@ -246,18 +252,18 @@ def signature_of(picture: Picture) -> Signature | None:
     return (*runs[0], EQUATOR, *runs[1])
 
 
-def _touches_edge(picture: Picture, labels: IntArray) -> bool:
+def _touches_edge(sign_map: SignMap, labels: IntArray) -> bool:
     """Tell whether a gap begins or ends where p² has no value: what is there is not proved by a slope."""
-    return any(UNDEFINED in (labels[first - 1], labels[last]) for first, last in picture.gaps())
+    return any(UNDEFINED in (labels[first - 1], labels[last]) for first, last in sign_map.gaps())
 
 
-def brackets_of(picture: Picture) -> list[Bracket]:
-    """Return the stretches of a settled picture with one zero, or infinity, each, from north to south."""
+def brackets_of(sign_map: SignMap) -> list[Bracket]:
+    """Return the stretches of a settled sign map with one zero, or infinity, each, from north to south."""
     found = []
-    cells = picture.cells
-    for first, last in picture.gaps():
-        changes = picture.found.sign[first - 1] != picture.found.sign[last]
-        if changes or picture.is_infinite((first, last)):
+    cells = sign_map.cells
+    for first, last in sign_map.gaps():
+        changes = sign_map.found.sign[first - 1] != sign_map.found.sign[last]
+        if changes or sign_map.is_infinite((first, last)):
             here = slice(first, last)
             found.append(
                 Bracket(

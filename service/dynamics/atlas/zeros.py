@@ -1,4 +1,4 @@
-"""Encloses the zeros of p² along one half curve for many single λ: doubles guess, bounds prove."""
+"""Encloses the zeros of p² along one half curve for many single λ: doubles estimate, bounds prove."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,18 +23,18 @@ from service.dynamics.atlas.sign_maps import (
     signs_in,
 )
 from service.dynamics.atlas.structures import LambdaPart
-from service.dynamics.atlas.turns import settled_pictures
+from service.dynamics.atlas.turns import settled_sign_maps
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Cells, heights
-from service.dynamics.reduction.sign_proofs.cells import Curves, look_at
-from service.dynamics.reduction.sign_proofs.signs import Picture
+from service.dynamics.reduction.sign_proofs.cells import Curves, signs_on_cells
+from service.dynamics.reduction.sign_proofs.signs import SignMap
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-WIDTHS = np.array([8.0**-k for k in range(16, 4, -1)])
-"""Relative widths to both sides of a guess that are tried, from 3.6e-15 to 3e-5."""
-THIN = 1e-15
+ZERO_RELATIVE_WIDTHS = np.array([8.0**-k for k in range(16, 4, -1)])
+"""Relative widths to both sides of a estimate that are tried, from 3.6e-15 to 3e-5."""
+CELL_RELATIVE_WIDTH = 1e-15
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,34 +94,34 @@ def _zeros_of(half: HalfCurves, number: int, part: LambdaPart, single: Sequence[
     hemisphere = np.array(_hemispheres(signature), dtype=np.int64)
     low = np.full((len(single), len(hemisphere)), np.nan)
     high = low.copy()
-    for k, picture in enumerate(_pictures(half, number, part, single)):
-        found = brackets_of(picture) if signature_of(picture) == signature else []
+    for k, sign_map in enumerate(_sign_maps(half, number, part, single)):
+        found = brackets_of(sign_map) if signature_of(sign_map) == signature else []
         if [each.hemisphere for each in found] == hemisphere.tolist():
             low[k], high[k] = [each.low for each in found], [each.high for each in found]
-    low, high = _enclosed(curves, hemisphere, _guesses(half, single, hemisphere, low, high))
+    low, high = _enclosed(curves, hemisphere, _estimates(half, single, hemisphere, low, high))
     cells = _cells(hemisphere, low, high)
     full = (len(single), len(hemisphere))
     size, height = _sizes(curves, cells), heights(curves.loops, cells)
     return Zeros(low, high, hemisphere, _shaped(size, full), _shaped(height, full))
 
 
-def _pictures(
+def _sign_maps(
     half: HalfCurves, number: int, part: LambdaPart, single: Sequence[LambdaStretch]
-) -> list[Picture]:
+) -> list[SignMap]:
     """Return those of the stretches of the part; a λ that was rounded out of all of them is looked at."""
-    known = [part.pictures_at(each, number) for each in single]
-    missing = [each for each, picture in zip(single, known, strict=True) if picture is None]
+    known = [part.sign_maps_at(each, number) for each in single]
+    missing = [each for each, sign_map in zip(single, known, strict=True) if sign_map is None]
     fresh = iter(
-        settled_pictures(half, missing, [None] * len(missing), [Finest()] * len(missing)) if missing else []
+        settled_sign_maps(half, missing, [None] * len(missing), [Finest()] * len(missing)) if missing else []
     )
-    return [next(fresh) if picture is None else picture for picture in known]
+    return [next(fresh) if sign_map is None else sign_map for sign_map in known]
 
 
 def _shaped(bounds: tuple[FloatArray, FloatArray], full: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
     return bounds[0].reshape(full), bounds[1].reshape(full)
 
 
-def _guesses(
+def _estimates(
     half: HalfCurves, single: Sequence[LambdaStretch], hemisphere: IntArray, low: FloatArray, high: FloatArray
 ) -> FloatArray:
     if not low.size:
@@ -131,27 +131,33 @@ def _guesses(
     return zero_between(lambda x: d_on_curves(half, Z, G, side, x), low, high)
 
 
-def _enclosed(curves: Curves, hemisphere: IntArray, guesses: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _enclosed(curves: Curves, hemisphere: IntArray, estimates: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the narrowest bounds between which D is proved to change its sign."""
-    low, high = (np.full(guesses.shape, np.nan) for _ in range(2))
-    if not guesses.size:
+    low, high = (np.full(estimates.shape, np.nan) for _ in range(2))
+    if not estimates.size:
         return low, high
-    below, above = (guesses[:, :, None] * (1.0 + sign * WIDTHS) for sign in (-1.0, 1.0))
+    below, above = (estimates[:, :, None] * (1.0 + sign * ZERO_RELATIVE_WIDTHS) for sign in (-1.0, 1.0))
     signs = []
-    for place in (below, above):
-        cells = _cells(np.repeat(hemisphere, len(WIDTHS)), *_about(place.reshape(len(guesses), -1)))
-        signs.append(look_at(curves, cells, with_slope=False).sign.reshape(below.shape))
+    for point in (below, above):
+        cells = _cells(
+            np.repeat(hemisphere, len(ZERO_RELATIVE_WIDTHS)), *_about(point.reshape(len(estimates), -1))
+        )
+        signs.append(signs_on_cells(curves, cells, with_slope=False).sign.reshape(below.shape))
     is_proved = signs[0] * signs[1] < 0
     best = np.argmax(is_proved, axis=2)[:, :, None]
     found = np.take_along_axis(is_proved, best, axis=2)[:, :, 0]
     # The cells about the places are part of the enclosure.
-    low = np.where(found, np.take_along_axis(below, best, axis=2)[:, :, 0] * (1.0 - THIN), np.nan)
-    high = np.where(found, np.take_along_axis(above, best, axis=2)[:, :, 0] * (1.0 + THIN), np.nan)
+    low = np.where(
+        found, np.take_along_axis(below, best, axis=2)[:, :, 0] * (1.0 - CELL_RELATIVE_WIDTH), np.nan
+    )
+    high = np.where(
+        found, np.take_along_axis(above, best, axis=2)[:, :, 0] * (1.0 + CELL_RELATIVE_WIDTH), np.nan
+    )
     return low, high
 
 
-def _about(place: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return place * (1.0 - THIN), place * (1.0 + THIN)
+def _about(point: FloatArray) -> tuple[FloatArray, FloatArray]:
+    return point * (1.0 - CELL_RELATIVE_WIDTH), point * (1.0 + CELL_RELATIVE_WIDTH)
 
 
 def _cells(hemisphere: IntArray, low: FloatArray, high: FloatArray) -> Cells:
@@ -164,13 +170,16 @@ def _cells(hemisphere: IntArray, low: FloatArray, high: FloatArray) -> Cells:
 def _sizes(curves: Curves, cells: Cells) -> tuple[FloatArray, FloatArray]:
     """Return bounds of the client's |g1| on cells."""
     shape, loops = curves.loops.shape, curves.loops
-    low, high = np.sin(cells.low) * (1.0 - 4.0 * THIN), np.sin(cells.high) * (1.0 + 4.0 * THIN)
+    low, high = (
+        np.sin(cells.low) * (1.0 - 4.0 * CELL_RELATIVE_WIDTH),
+        np.sin(cells.high) * (1.0 + 4.0 * CELL_RELATIVE_WIDTH),
+    )
     if shape.is_mirrored:
         return loops.Z[0][cells.owner] * low, loops.Z[1][cells.owner] * high
     alpha = float(shape.alpha)
     with np.errstate(all="ignore"):
         # sin x to the power alpha: its logarithm is at most 60, and is known to 16 digits.
-        spread = 1.0 + 64.0 * alpha * THIN
+        spread = 1.0 + 64.0 * alpha * CELL_RELATIVE_WIDTH
         return (
             loops.G[0][cells.owner] * low**alpha / spread,
             loops.G[1][cells.owner] * high**alpha * spread,

@@ -20,7 +20,7 @@ from service.dynamics.bounds import is_within
 from service.dynamics.classical.bodies import fittings
 from service.dynamics.classical.cases import hess, staude
 from service.dynamics.classical.catalogue import CASES
-from service.dynamics.classical.conditions import ROUNDING
+from service.dynamics.classical.conditions import CONDITION_RELATIVE_ROUNDING
 from service.dynamics.classical.placement import Placed, Start, ball, place
 from service.dynamics.classical.protocol import Number
 from service.dynamics.equations.euler_poisson import areas_integral
@@ -35,9 +35,9 @@ Residuals = Callable[[States], Mapping[str, NDArray[Number]]]
 OfNumbers = Callable[[Callable[[arb], Number]], Residuals]
 """The residuals with constants that a function makes of balls."""
 
-_STEP = 1e-40
+_IMAGINARY_STEP = 1e-40
 """Imaginary step of the derivatives: it loses nothing to cancellation, however small it is."""
-_BITS = 128
+_RESIDUAL_BITS = 128
 """Bits of residuals in balls: where slopes nearly vanish, a rounding of doubles would be divided by them."""
 
 
@@ -65,9 +65,9 @@ class CaseRelations:
         slopes = np.empty((*values.shape, 6))
         for k in range(6):
             shifted = states.astype(complex)
-            shifted[:, k] += 1j * _STEP
+            shifted[:, k] += 1j * _IMAGINARY_STEP
             slopes[:, :, k] = (
-                np.stack([np.imag(each) for each in residuals(shifted).values()], axis=1) / _STEP
+                np.stack([np.imag(each) for each in residuals(shifted).values()], axis=1) / _IMAGINARY_STEP
             )
         sizes = np.linalg.norm(slopes, axis=2, keepdims=True)
         sizes = np.where(sizes > 0.0, sizes, 1.0)
@@ -97,7 +97,7 @@ class CaseRelations:
 
     def _in_balls(self, states: FloatArray) -> FloatArray:
         """Return the residuals, free of roundings of their own, shape (n, relations)."""
-        with ctx.workprec(_BITS):
+        with ctx.workprec(_RESIDUAL_BITS):
             found = self.of_numbers(lambda number: number)(np.vectorize(arb, otypes=[object])(states))
             return np.stack([each.astype(float) for each in found.values()], axis=1)
 
@@ -161,13 +161,13 @@ def unit_length(states: States) -> NDArray[Number]:
 
 Vector = tuple[Fraction, Fraction, Fraction]
 
-ON_CASE = 1e-12
+ON_CASE_RELATIVE_DISTANCE = 1e-12
 """Distance, relative to the state where that is longer than 1, at which a state lies on a case."""
 AREAS = "|areas integral| / |momentum|"
-SETTLED = 1e-13
+LAST_STEP_RELATIVE_LENGTH = 1e-13
 """Length of a step, relative alike, that leads no farther."""
-MOST_STEPS = 40
-LONGEST = 10.0
+MAX_NEWTON_STEPS = 40
+MAX_RELATIVE_DISTANCE = 10.0
 """A state that is farther from where it started, relative alike, is on the way to nowhere."""
 
 
@@ -218,7 +218,7 @@ def _nearness(name: str, known: list[CaseRelations], state: FloatArray) -> Nearn
     reached = [(distance, relations) for distance, relations in each if distance is not None]
     distance, relations = min(reached, key=lambda pair: pair[0]) if reached else (None, known[0])
     values = {name: float(value[0]) for name, value in relations.values(state[None]).items()}
-    is_on = distance is not None and is_within(distance, ON_CASE * _size(state))
+    is_on = distance is not None and is_within(distance, ON_CASE_RELATIVE_DISTANCE * _size(state))
     return Nearness(name, distance, values, is_on)
 
 
@@ -230,15 +230,15 @@ def _size(state: FloatArray) -> float:
 def _distance(relations: CaseRelations, state: FloatArray) -> float | None:
     """Return the distance of the state to which Newton's steps lead; None if they lead nowhere."""
     size, point = _size(state), state
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_NEWTON_STEPS):
         try:
             step = relations.steps(point[None])[0]
         except np.linalg.LinAlgError:
             return None
         point = point + step
-        if not is_within(float(np.linalg.norm(point - state)), LONGEST * size):
+        if not is_within(float(np.linalg.norm(point - state)), MAX_RELATIVE_DISTANCE * size):
             return None
-        if is_within(float(np.linalg.norm(step)), SETTLED * size):
+        if is_within(float(np.linalg.norm(step)), LAST_STEP_RELATIVE_LENGTH * size):
             return float(np.linalg.norm(point - state))
     return None
 
@@ -290,7 +290,10 @@ def _integrable(body: RigidBody, B: Fraction, centre: Vector, state: FloatArray)
         )
         if name == "goriachev_chaplygin":
             best[AREAS] = areas / momentum if momentum > 0.0 else 0.0
-        holds = all(is_within(left, ON_CASE if key == AREAS else ROUNDING) for key, left in best.items())
+        holds = all(
+            is_within(left, ON_CASE_RELATIVE_DISTANCE if key == AREAS else CONDITION_RELATIVE_ROUNDING)
+            for key, left in best.items()
+        )
         found.append(Integrable(name, best, holds))
     return found
 

@@ -9,13 +9,13 @@ from flint import arb, ctx, fmpq, fmpq_poly
 from numpy.typing import NDArray
 
 from service.dynamics.bounds import is_within
-from service.dynamics.classical.loop import BITS
+from service.dynamics.classical.loop import CASE_BITS
 from service.dynamics.classical.protocol import ClassicalCase, rational, real_roots
 
-ROUNDING = 1e-15
+CONDITION_RELATIVE_ROUNDING = 1e-15
 """Relative: moments that satisfy a condition so closely mean the ones that satisfy it."""
-_STEP = 1e-30
-_ITERATIONS = 60
+_IMAGINARY_STEP = 1e-30
+_NEWTON_STEPS = 60
 
 Moments = tuple[Fraction, Fraction, Fraction]
 Partly = Sequence[Fraction | None]
@@ -36,7 +36,7 @@ def completed(
     case: ClassicalCase, moments: Partly, centre: Sequence[Fraction], solution: int | None
 ) -> Iterator[Moments]:
     """Yield the bodies of a case that have these moments, all in the order of the case."""
-    with ctx.workprec(BITS):
+    with ctx.workprec(CASE_BITS):
         if case.ratios is not None:
             yield from _of_ratios(case, moments, solution)
         elif case.condition is None:
@@ -80,7 +80,7 @@ def misfit(case: ClassicalCase, moments: Moments, centre: Sequence[Fraction], so
     relative = abs(value) / float(np.abs(own * slope).sum())
     point = own
     # Each step is the point of the tangent plane that is nearest to the given moments.
-    for _ in range(_ITERATIONS):
+    for _ in range(_NEWTON_STEPS):
         value, slope = _slope(case, point, a, c)
         point = own - slope * (value + float(slope @ (own - point))) / float(slope @ slope)
     return Misfit(relative, (float(point[0]), float(point[1]), float(point[2])))
@@ -93,9 +93,9 @@ def _slope(
     slope = np.empty(3)
     for k in range(3):
         shifted = point.astype(complex)
-        shifted[k] += 1j * _STEP
+        shifted[k] += 1j * _IMAGINARY_STEP
         A, B, C = shifted.tolist()
-        slope[k] = case.condition(A, B, C, a, c).imag / _STEP
+        slope[k] = case.condition(A, B, C, a, c).imag / _IMAGINARY_STEP
     A, B, C = point.tolist()
     return float(case.condition(A, B, C, a, c)), slope
 
@@ -125,7 +125,7 @@ def _of_ratios(case: ClassicalCase, moments: Partly, solution: int | None) -> It
         scale = arb(fmpq(given.numerator, given.denominator)) / ratio[k]
         own = [given if i == k else rational(scale * ratio[i]) for i in range(3)]
         if all(
-            moment is None or is_within(abs(float(moment / exact - 1)), ROUNDING)
+            moment is None or is_within(abs(float(moment / exact - 1)), CONDITION_RELATIVE_ROUNDING)
             for moment, exact in zip(moments, own, strict=True)
         ):
             yield own[0], own[1], own[2]
@@ -151,7 +151,7 @@ def _of_condition(case: ClassicalCase, moments: Partly, centre: Sequence[Fractio
             closest = own[0], own[1], own[2]
     if closest is None or given is None:
         return
-    if is_within(abs(float(given / closest[missing] - 1)), ROUNDING):
+    if is_within(abs(float(given / closest[missing] - 1)), CONDITION_RELATIVE_ROUNDING):
         yield closest
 
 

@@ -16,13 +16,13 @@ from flint import acb_poly, arb, ctx, fmpq
 from service.dynamics.classical.errors import NearSeparatrixError
 from service.dynamics.classical.protocol import Coefficients, Number, Reduced, State, divided, value
 
-BITS = 256
+CASE_BITS = 256
 """Precision of the numbers of a case: 77 digits, of which roots and quotients lose some."""
 ROOT_BITS = 220
 """Bits to which the ends are known."""
-SETTLED = arb(2) ** -100
+PERIOD_RELATIVE_CHANGE = arb(2) ** -100
 """Change of the period, relative, at which its sum has converged."""
-MOST_NODES = 2**11
+MAX_NODES = 2**11
 """Largest number of nodes of the sum; a motion so close to a separatrix is not computed."""
 
 
@@ -98,11 +98,11 @@ class ReducedLoop:
             mean = sum(series, arb(0)) / count
             if before is not None:
                 change = abs(mean - before)
-                if change < SETTLED * mean:
+                if change < PERIOD_RELATIVE_CHANGE * mean:
                     return series, arb(change.abs_upper())
-                if count >= MOST_NODES:
+                if count >= MAX_NODES:
                     raise NearSeparatrixError(
-                        f"the motion is so close to a separatrix that {MOST_NODES} nodes do not give its "
+                        f"the motion is so close to a separatrix that {MAX_NODES} nodes do not give its "
                         'period; accepted is the method "integration", with times',
                         pointer="/motion",
                     )
@@ -111,7 +111,7 @@ class ReducedLoop:
 
 def loops(reduced: Reduced) -> Iterator[ReducedLoop]:
     """Yield every bounded motion of the reduced form, by growing x."""
-    with ctx.workprec(BITS):
+    with ctx.workprec(CASE_BITS):
         roots = sorted(
             [(root, "u") for root in _real_roots(reduced.U)]
             + [(root, "v") for root in _real_roots(reduced.V)],
@@ -134,7 +134,9 @@ def _real_roots(coefficients: Coefficients) -> list[arb]:
     if len(coefficients) < 2:
         return []
     try:
-        found = acb_poly([arb(c) for c in coefficients]).roots(tol=arb(2) ** -ROOT_BITS, maxprec=4 * BITS)
+        found = acb_poly([arb(c) for c in coefficients]).roots(
+            tol=arb(2) ** -ROOT_BITS, maxprec=4 * CASE_BITS
+        )
     except ValueError:
         # Two roots that are one, or nearly: a separatrix or an equilibrium, which no motion goes round.
         return []

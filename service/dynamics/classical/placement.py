@@ -14,11 +14,11 @@ from service.dynamics.body import RigidBody
 from service.dynamics.classical.bodies import Fitting, Partly, fittings
 from service.dynamics.classical.cases import hess, staude
 from service.dynamics.classical.errors import CaseMomentsError, CaseNotRealError, CaseParameterError
-from service.dynamics.classical.loop import BITS, ReducedLoop, loops
+from service.dynamics.classical.loop import CASE_BITS, ReducedLoop, loops
 from service.dynamics.classical.protocol import ClassicalCase, Number, Reduced, Setting, State, rational
 from service.dynamics.problem import ClassicalMotion
 
-ON_RELATION = Fraction(1, 10**15)
+RELATION_RELATIVE_ROUNDING = Fraction(1, 10**15)
 """Relative: a state that satisfies a relation so closely means the one that satisfies it."""
 
 
@@ -126,7 +126,9 @@ def _on_cone(
     missing = next((k for k, x in enumerate(given) if x is None), None)
     if missing is None:
         direction = [x or Fraction(0) for x in given]
-        if abs(staude.cone(body, centre, direction)) > ON_RELATION * _size(body, centre, direction):
+        if abs(staude.cone(body, centre, direction)) > RELATION_RELATIVE_ROUNDING * _size(
+            body, centre, direction
+        ):
             raise CaseParameterError(
                 "the direction is not on Staude's cone a*(B-C)*g2*g3 + b*(C-A)*g3*g1 + c*(A-B)*g1*g2 = 0; "
                 "null is accepted for one component, which then follows",
@@ -154,7 +156,7 @@ def _size(body: Sequence[Fraction], centre: Sequence[Fraction], g: Sequence[Frac
     return abs(a * (B - C) * y * z) + abs(b * (C - A) * z * x) + abs(c * (A - B) * x * y)
 
 
-ZERO_AREAS = arb(2) ** -200
+ZERO_AREAS_ROUNDING = arb(2) ** -200
 """An areas integral below it is zero: that is the rounding of the state."""
 
 
@@ -178,7 +180,7 @@ def place_hess(fitting: Fitting, motion: ClassicalMotion) -> Placed:
         omega[third] = -along[0] * given[0] / along[1]
     else:
         parts = [along[0] * given[0], along[1] * given[1]]
-        if abs(parts[0] + parts[1]) > ON_RELATION * (abs(parts[0]) + abs(parts[1])):
+        if abs(parts[0] + parts[1]) > RELATION_RELATIVE_ROUNDING * (abs(parts[0]) + abs(parts[1])):
             raise CaseParameterError(
                 "the momentum along the centre is not zero: A*a*p + C*c*r (in the axes of the centre) "
                 f"is {float(parts[0] + parts[1]):.3e}; null is accepted for one of them, which follows",
@@ -195,7 +197,7 @@ def place_hess(fitting: Fitting, motion: ClassicalMotion) -> Placed:
     G = (ball(a) ** 2 + ball(c) ** 2).sqrt()
     h = (MA * p * p + MB * q * q + MC * r * r) / 2 + ball(a) * g1 + ball(c) * g3
     areas = MA * p * g1 + MB * q * g2 + MC * r * g3
-    reduced = hess.reduced(MB, G, h, areas if abs(areas) > ZERO_AREAS else arb(0))
+    reduced = hess.reduced(MB, G, h, areas if abs(areas) > ZERO_AREAS_ROUNDING else arb(0))
     square = MA * MA * p * p + MB * MB * q * q + MC * MC * r * r
     place = square if len(reduced.V) == 4 else square.sqrt()
     # At rest the momentum has no angle to begin with: such a motion is integrated.
@@ -222,7 +224,7 @@ def place(motion: ClassicalMotion, moments: Partly, *, allow_unphysical: bool = 
         A state does not satisfy the relations of its case.
     """
     refusal, found = CaseNotRealError(""), list[Placed]()
-    with ctx.workprec(BITS):
+    with ctx.workprec(CASE_BITS):
         for fitting in fittings(motion, moments, allow_unphysical=allow_unphysical):
             try:
                 found.append(FORMS[fitting.case.form](fitting, motion))

@@ -20,7 +20,7 @@ from service.dynamics.solution.dense_output import DenseOutput, chebyshev_coeffi
 
 FloatArray = NDArray[np.float64]
 
-_BLOCK = 1024  # pieces whose nodes are in memory at once
+_PIECES_TOGETHER = 1024  # pieces whose nodes are in memory at once
 
 Evaluate = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """Returns F, shape (n, 6), and the three integrals, shape (n, 3), at states, shape (n, 6)."""
@@ -82,7 +82,7 @@ class Blocks:
     def cut(self, goal: float) -> Iterator[StretchBatch]:
         """Yield the stretches for a goal; those cut as for the goal before are not evaluated anew."""
         whole = float(self._lengths.sum())
-        for first in range(0, len(self._lengths), _BLOCK):
+        for first in range(0, len(self._lengths), _PIECES_TOGETHER):
             found = self._stretches(first, goal, whole)
             known = self._found.get(first)
             if known is None or not _are_equal(known[0], found):
@@ -92,7 +92,7 @@ class Blocks:
             yield replace(known[1], stretches=stretches)
 
     def _stretches(self, first: int, goal: float, whole: float) -> Stretches:
-        part = slice(first, first + _BLOCK)
+        part = slice(first, first + _PIECES_TOGETHER)
         spans = self._lengths[part]
         if self._bound is None:
             count = len(spans)
@@ -103,7 +103,7 @@ class Blocks:
         return self._cutters[first].cut(goal * float(spans.sum()) / whole)
 
     def _batch(self, first: int, found: Stretches) -> StretchBatch:
-        part = slice(first, first + _BLOCK)
+        part = slice(first, first + _PIECES_TOGETHER)
         states = _states(self._dense.coefficients[part], found)
         halves = 0.5 * self._lengths[part][found.piece] * found.half
         rates, integrals = self._evaluate(states.reshape(-1, 6))

@@ -1,23 +1,100 @@
-"""The six equations of a body in a potential for arrays of states, in doubles and on discs."""
+"""The Euler-Poisson equations of a body in a potential, and their three integrals, in doubles and on discs.
+
+The functions at the beginning write them in any algebra; :class:`Equations` has them for arrays of states.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.field import Integrals, integrals_at, rates_at, value_and_gradient
+from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.discs import Disc, DiscAlgebra
 from service.dynamics.formula.algebras.interval_bounds import ARITHMETIC, widened
 from service.dynamics.formula.algebras.intervals import IntervalAlgebra
+from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Integrals(Generic[T]):
+    """The values of the three integrals at one state."""
+
+    energy: T
+    areas: T
+    geometric: T
+    """γ·γ."""
+
+
+def value_and_gradient(algebra: Algebra[T], tape: Tape, gamma: Sequence[T]) -> tuple[T, tuple[T, ...]]:
+    """Return V and (V_1, V_2, V_3)."""
+    jets = FirstOrderJets(algebra, 3)
+    V = tape.evaluate(jets, jets.variables(gamma))
+    return V.value, jets.gradient(V)
+
+
+def rates_at(
+    algebra: Algebra[T], body: RigidBody, state: Sequence[T], gradient: Sequence[T]
+) -> tuple[T, ...]:
+    """Return the right-hand sides of :mod:`service.dynamics.equations.euler_poisson` for p, q, r, g1, g2, g3.
+
+    A moment B that was left out matters for q' alone; it is taken as A + C, the largest there is.
+    """
+    p, q, r, g1, g2, g3 = state
+    V1, V2, V3 = gradient
+    A, B, C = _moments(body)
+
+    def cross(a: T, b: T, c: T, d: T) -> T:
+        return algebra.subtract(algebra.multiply(a, b), algebra.multiply(c, d))
+
+    def accelerated(difference: Fraction, x: T, y: T, torque: T, moment: Fraction) -> T:
+        if difference != 0:
+            gyroscopic = algebra.multiply(algebra.constant(difference), algebra.multiply(x, y))
+            torque = algebra.add(gyroscopic, torque)
+        return algebra.divide(torque, algebra.constant(moment))
+
+    return (
+        accelerated(B - C, q, r, cross(g2, V3, g3, V2), A),
+        accelerated(C - A, p, r, cross(g3, V1, g1, V3), B),
+        accelerated(A - B, p, q, cross(g1, V2, g2, V1), C),
+        cross(r, g2, q, g3),
+        cross(p, g3, r, g1),
+        cross(q, g1, p, g2),
+    )
+
+
+def integrals_at(algebra: Algebra[T], body: RigidBody, state: Sequence[T], value: T) -> Integrals[T]:
+    """Return h = (A p² + B q² + C r²)/2 + V, A p g1 + B q g2 + C r g3, and γ·γ; V is ``value``."""
+    omega, gamma = state[:3], state[3:]
+    momenta = tuple(
+        algebra.multiply(algebra.constant(moment), x) for moment, x in zip(_moments(body), omega, strict=True)
+    )
+    kinetic = algebra.divide(_product(algebra, momenta, omega), algebra.constant(Fraction(2)))
+    return Integrals(
+        algebra.add(kinetic, value), _product(algebra, momenta, gamma), _product(algebra, gamma, gamma)
+    )
+
+
+def _moments(body: RigidBody) -> tuple[Fraction, Fraction, Fraction]:
+    return body.A, body.A + body.C if body.B is None else body.B, body.C
+
+
+def _product(algebra: Algebra[T], x: Sequence[T], y: Sequence[T]) -> T:
+    first, second, third = (algebra.multiply(a, b) for a, b in zip(x, y, strict=True))
+    return algebra.add(algebra.add(first, second), third)
+
+
 FloatArray = NDArray[np.float64]
 
-POLE = 1e-12
+POLE_DISTANCE = 1e-12
 """|g1| and |g3| up to which a potential without a formula has no slope for doubles."""
 
 
@@ -50,7 +127,7 @@ class Equations:
         if self.tape is None:
             gamma = states[:, 3:]
             # Doubles do not tell in which direction from the pole such a place is.
-            at_pole = np.maximum(np.abs(gamma[:, 0]), np.abs(gamma[:, 2])) < POLE
+            at_pole = np.maximum(np.abs(gamma[:, 0]), np.abs(gamma[:, 2])) < POLE_DISTANCE
             slopes = np.where(at_pole[:, None], np.nan, self.potential.gradient(gamma))
             value, gradient = self.potential.value(gamma), list(slopes.T)
         else:

@@ -8,10 +8,11 @@ Let ε be the claimed bound of the error of the six variables. If it is true, th
 
 for the integrated defect D (:mod:`.accumulation`) and each of the three integrals I. Both right-hand sides
 are bounded by discs of the radius ε about the states. A claim that breaks one of the bounds is false, and is
-raised: by D to all of what D has accumulated, times what F amplifies over the same time, as far as ``GROWTH``
-goes; by an integral until the bound holds; and beyond all bounds by a stretch too short to be cut on which V
-may vary without any node having seen it (:mod:`.unresolved`). So the claim is never below what the solution
-itself shows. It is not proved by that: errors grow where motions are unstable, and no defect tells how far.
+raised: by D to all of what D has accumulated, times what F amplifies over the same time, as far as
+``MAX_CLAIM_GROWTH`` goes; by an integral until the bound holds; and beyond all bounds by a stretch too short
+to be cut on which V may vary without any node having seen it (:mod:`.unresolved`). So the claim is never
+below what the solution itself shows. It is not proved by that: errors grow where motions are unstable, and no
+defect tells how far.
 """
 
 from dataclasses import dataclass
@@ -31,25 +32,25 @@ from service.dynamics.solution.dense_output import DenseOutput
 
 FloatArray = NDArray[np.float64]
 
-GROWTH = 64.0
+MAX_CLAIM_GROWTH = 64.0
 """Largest multiple of the claim that is put down to its own growth by F: in a feature narrower than the claim
 any defect would pass for that."""
-GOAL = 0.1
+TRUNCATION_SHARE = 0.1
 """Share of the claim that the truncation of F may be."""
-FINEST = 1e-17
+MIN_TRUNCATION = 1e-17
 """Least truncation asked for, beside variables of the size 1: far below their rounding."""
-COARSE = 1e-7
+FIRST_TRUNCATION = 1e-7
 """The truncation allowed at first."""
-FAR = 1e3
+MAX_DEFECT_CLAIMS = 1e3
 """A defect beyond so many claims is told without more digits."""
-ROUNDING = 2.0**-50
+STATE_RELATIVE_ROUNDING = 2.0**-50
 """Rounding error of a state, relative to its size."""
-QUARTERS = np.arange(1.0, 31.0)
+ERROR_QUARTER_POWERS = np.arange(1.0, 31.0)
 """Powers of 1/4 of an error that are tried where V is not bounded within it: down to 1e-18 of it."""
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ResidualEvidence:
     """The evidence that a function of time gives of its own error."""
 
     defect: float
@@ -62,7 +63,7 @@ class Shown:
     """The claim, raised as far as the above shows that it is too small."""
 
 
-def hold_against_equations(
+def check_residual(
     body: RigidBody,
     potential: Potential,
     dense: DenseOutput,
@@ -70,24 +71,27 @@ def hold_against_equations(
     energy: Estimate,
     *,
     is_planar: bool,
-) -> Shown:
+) -> ResidualEvidence:
     """Hold the six variables of ``dense``, claimed to be within ``claim``, against equations and integrals.
 
     The integrals of a planar motion are its energy, 0 and 1; of another those at t = 0.
     """
     if not (np.isfinite(dense.coefficients).all() and np.isfinite(dense.breaks).all() and isfinite(claim)):
-        return Shown(nan, nan, 0.0, nan)
+        return ResidualEvidence(nan, nan, 0.0, nan)
     equations = Equations.of(body, potential)
     has_formula = equations.tape is not None
-    goal = max(GOAL * claim, FINEST * float(np.abs(dense.coefficients).max(initial=1.0)))
+    goal = max(TRUNCATION_SHARE * claim, MIN_TRUNCATION * float(np.abs(dense.coefficients).max(initial=1.0)))
     bound = equations.bound if has_formula else None
     pieces = Blocks(dense, equations.at, bound)
-    for wanted in (max(goal, COARSE), goal):
+    for wanted in (max(goal, FIRST_TRUNCATION), goal):
         # What was not resolved shows at once, where bounds to the last digit would be dear.
         blocks = list(pieces.cut(wanted))
         found = accumulate(dense, blocks, has_bounds=has_formula)
         defect = float(found.sizes.max())
-        if found.truncation <= goal or defect - found.truncation > FAR * claim + COARSE:
+        if (
+            found.truncation <= goal
+            or defect - found.truncation > MAX_DEFECT_CLAIMS * claim + FIRST_TRUNCATION
+        ):
             break
     error = claim
     if not is_within(defect, 2.0 * claim):
@@ -95,10 +99,10 @@ def hold_against_equations(
     if has_formula and any(hides_something(equations, block, is_planar=is_planar).any() for block in blocks):
         error = inf
     drift, raised = _by_integrals(equations, dense, blocks, error, energy, is_planar=is_planar)
-    return Shown(defect, drift, found.settled_share if has_formula else 0.0, raised)
+    return ResidualEvidence(defect, drift, found.settled_share if has_formula else 0.0, raised)
 
 
-def hold_samples(
+def check_samples(
     body: RigidBody, potential: Potential, samples: FloatArray, claim: float, energy: Estimate
 ) -> float:
     """Return the claim of planar ``samples``, shape (n, 6), raised as far as their integrals show."""
@@ -115,12 +119,12 @@ def _by_defect(
     """Return what of the defect no rounding of the states explains, and the claim raised by it."""
     if equations.tape is None:
         # Without bounds of F its rounding is not known: D counts beyond the claim's own growth only.
-        return defect, claim if is_within(defect, (2.0 + GROWTH) * claim) else defect
+        return defect, claim if is_within(defect, (2.0 + MAX_CLAIM_GROWTH) * claim) else defect
     rounding, growth = (_spread(equations, dense, blocks, radius) for radius in (0.0, claim))
     defect = float(accumulate(dense, blocks, has_bounds=True, excused=rounding).sizes.max())
     # What is not known amplifies nothing.
     more = float(np.where(np.isfinite(growth), growth - rounding, 0.0).sum(axis=0).max())
-    amplified = min(more, GROWTH * claim) if more > 0.0 else 0.0
+    amplified = min(more, MAX_CLAIM_GROWTH * claim) if more > 0.0 else 0.0
     if is_within(defect, 2.0 * claim + amplified):
         return defect, claim
     return defect, defect * (1.0 + amplified / claim) if claim != 0.0 else defect
@@ -138,7 +142,7 @@ def _spread(
     sizes = np.abs(dense.coefficients).sum(axis=1)
     found = []
     for block in blocks:
-        states, radii = block.states, radius + ROUNDING * sizes[block.stretches.piece]
+        states, radii = block.states, radius + STATE_RELATIVE_ROUNDING * sizes[block.stretches.piece]
         each = np.broadcast_to(radii[:, None], states.shape).reshape(-1, 6).T
         wide = equations.spread(states.reshape(-1, 6).T, each).T.reshape(states.shape).max(axis=1)
         found.append(2.0 * block.times[:, None] * np.where(np.isfinite(wide), wide, nan))
@@ -161,9 +165,23 @@ def _by_integrals(
     drift, error = 0.0, claim
     for block in blocks:
         drifts = _drifts(block.integrals.reshape(-1, 3), reference)
+        if equations.tape is None:
+            drifts[_is_at_pole(dense, block), 0] = 0.0
         drift = largest((drift, float(drifts.max(initial=0.0))))
         error = _raised(equations, block.states.reshape(-1, 6), drifts, error, reference, slack)
     return drift, error
+
+
+def _is_at_pole(dense: DenseOutput, block: StretchBatch) -> NDArray[np.bool_]:
+    """Say at which states g1 and g3 are roundings of their piece or its times: V1 depends on g3/g1 there."""
+    piece = block.stretches.piece
+    lengths = np.diff(dense.breaks)[piece]
+    later = np.abs(dense.breaks[1:])[piece] / lengths
+    sizes = np.abs(dense.coefficients[:, 1:]).sum(axis=1)[piece] * (
+        STATE_RELATIVE_ROUNDING * (1.0 + later[:, None])
+    )
+    is_small: NDArray[np.bool_] = np.abs(block.states) <= sizes[:, None]
+    return (is_small[..., 3] & is_small[..., 5]).ravel()
 
 
 @np.errstate(all="ignore")
@@ -204,7 +222,7 @@ def _raised(
         explained[0] |= says_nothing
         # V may be unbounded within the claim of a state: a smaller error that explains it will do. Next to a
         # pole on a coordinate plane that is one relative to the coordinate, or rounding alone.
-        for less in (np.minimum(error, 0.5 * np.abs(columns)), 0.0, *(error * 4.0**-QUARTERS)):
+        for less in (np.minimum(error, 0.5 * np.abs(columns)), 0.0, *(error * 4.0**-ERROR_QUARTER_POWERS)):
             if explained.all():
                 break
             explained |= _explained(equations, columns, less, reference, slack)
@@ -227,13 +245,13 @@ def _explained(
 
     The error is one for all variables, or one for each, shape (6, n).
     """
-    centres, radii = equations.integrals_on(columns, error + ROUNDING * np.abs(columns))
+    centres, radii = equations.integrals_on(columns, error + STATE_RELATIVE_ROUNDING * np.abs(columns))
     return np.asarray(np.abs(centres - reference[:, None]) <= radii + slack[:, None])
 
 
 def _has_no_energy(equations: Equations, columns: FloatArray) -> NDArray[np.bool_]:
     """Say which states doubles do not tell from a place where V has no value, shape (n,)."""
-    centres, radii = equations.integrals_on(columns, ROUNDING * np.abs(columns))
+    centres, radii = equations.integrals_on(columns, STATE_RELATIVE_ROUNDING * np.abs(columns))
     has_none: NDArray[np.bool_] = ~np.isfinite(centres[0] + radii[0])
     return has_none
 

@@ -19,20 +19,20 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-INTERVALS = 32
+DEFAULT_INTERVALS = 32
 """N, where the degree of the pieces is not higher."""
-RHO = 4.0
-SEMI_AXIS = 0.5 * (RHO + 1.0 / RHO)
+ELLIPSE_RHO = 4.0
+ELLIPSE_SEMI_AXIS = 0.5 * (ELLIPSE_RHO + 1.0 / ELLIPSE_RHO)
 """The ellipse lies in the disc of this radius, in half lengths, about the middle."""
-PARTS = 4
+CUT_PARTS = 4
 """Number of parts into which a stretch is cut."""
-GENERATIONS = 20
+MAX_CUTS = 20
 """Largest number of cuts: 2^-40 of a piece."""
-FEW = 64
+PIECES_WITH_PARTS = 64
 """Pieces that are looked at together with their parts."""
 MAX_WAITING = 512
 """Stretches of a generation that are cut: where values are lost in rounding, their number grows with each."""
-ROUNDING = 2.0**-48
+SERIES_RELATIVE_ROUNDING = 2.0**-48
 """Rounding error of sums of a Chebyshev series, relative to the sum of its absolute values."""
 
 Bound = Callable[[FloatArray, FloatArray], FloatArray]
@@ -68,9 +68,11 @@ class _Places:
 
     def parts(self) -> "_Places":
         """Return the parts of each, in their order."""
-        smaller = self.half.repeat(PARTS) / PARTS
-        places = np.tile(np.arange(1.0 - PARTS, PARTS, 2.0), len(self.piece))
-        return _Places(self.piece.repeat(PARTS), self.middle.repeat(PARTS) + places * smaller, smaller)
+        smaller = self.half.repeat(CUT_PARTS) / CUT_PARTS
+        places = np.tile(np.arange(1.0 - CUT_PARTS, CUT_PARTS, 2.0), len(self.piece))
+        return _Places(
+            self.piece.repeat(CUT_PARTS), self.middle.repeat(CUT_PARTS) + places * smaller, smaller
+        )
 
     def and_parts(self) -> "_Places":
         """Return these, and after them the parts of each."""
@@ -84,7 +86,7 @@ class _Places:
 
 def intervals_for(degree: int) -> int:
     """Return N for pieces of this degree, which the points must resolve as well."""
-    return max(INTERVALS, degree + 8)
+    return max(DEFAULT_INTERVALS, degree + 8)
 
 
 class Cutter:
@@ -100,7 +102,7 @@ class Cutter:
 
     def __init__(self, coefficients: FloatArray, lengths: FloatArray, bound: Bound) -> None:
         self._lengths, self._bound = lengths, bound
-        self._factor = 4.0 * RHO ** -intervals_for(coefficients.shape[1] - 1) / (RHO - 1.0)
+        self._factor = 4.0 * ELLIPSE_RHO ** -intervals_for(coefficients.shape[1] - 1) / (ELLIPSE_RHO - 1.0)
         self._geometry = _Geometry(coefficients)
         self._first: FloatArray | None = None
 
@@ -116,7 +118,7 @@ class Cutter:
         # The parts of few pieces cost next to nothing beside these.
         ahead = np.zeros((0, 6))
         done: list[Stretches] = []
-        for generation in range(GENERATIONS + 1):
+        for generation in range(MAX_CUTS + 1):
             if generation == 0:
                 bounds = self._first_tails(waiting)
                 tail, ahead = bounds[:count].copy(), bounds[count:].copy()
@@ -125,14 +127,14 @@ class Cutter:
             else:
                 tail = self._tails(waiting)
             is_done = np.asarray((tail <= allowed).all(axis=1))
-            is_last = generation == GENERATIONS or np.count_nonzero(~is_done) > MAX_WAITING + count
+            is_last = generation == MAX_CUTS or np.count_nonzero(~is_done) > MAX_WAITING + count
             kept = np.ones_like(is_done) if is_last else is_done
             tail[~is_done] = np.nan
             done.append(Stretches(waiting.piece[kept], waiting.middle[kept], waiting.half[kept], tail[kept]))
             if kept.all():
                 break
             waiting = waiting.only(~kept).parts()
-            ahead = ahead[(~kept).repeat(PARTS)] if len(ahead) else ahead
+            ahead = ahead[(~kept).repeat(CUT_PARTS)] if len(ahead) else ahead
         return _in_order(done)
 
     def _tails(self, places: _Places) -> FloatArray:
@@ -142,7 +144,7 @@ class Cutter:
     def _first_tails(self, whole: _Places) -> FloatArray:
         """Return the tails of the whole pieces, and of few ones those of their parts too."""
         if self._first is None:
-            self._first = self._tails(whole.and_parts() if len(self._lengths) <= FEW else whole)
+            self._first = self._tails(whole.and_parts() if len(self._lengths) <= PIECES_WITH_PARTS else whole)
         return self._first
 
 
@@ -157,7 +159,7 @@ class _Geometry:
         self._degrees = k
         self._total = self._sizes.sum(axis=1)
         # |T_k(z) - T_k(0)| on the ellipse of a whole piece.
-        growth = 0.5 * (RHO**k + RHO**-k) + (k % 2 == 0)
+        growth = 0.5 * (ELLIPSE_RHO**k + ELLIPSE_RHO**-k) + (k % 2 == 0)
         growth[0] = 0.0
         self._whole = np.einsum("k,pkc->pc", growth, self._sizes)
 
@@ -172,7 +174,7 @@ class _Geometry:
         else:
             centre, radius = _values(self._coefficients[piece], middle), self._radius(piece, middle, half)
             radius[is_whole] = self._whole[piece[is_whole]]
-        return centre.T, (radius + ROUNDING * self._total[piece]).T
+        return centre.T, (radius + SERIES_RELATIVE_ROUNDING * self._total[piece]).T
 
     def _radius(self, piece: IntArray, middle: FloatArray, half: FloatArray) -> FloatArray:
         r"""Bound |y(z) − y(m)| for |z − m| ≤ s by the value of the slope, or by slopes about the stretch.
@@ -181,13 +183,17 @@ class _Geometry:
         of degree k is at most ρ^k times its bound on [−1, 1] (Bernstein); T_k' is at most k² there, and
         T_k'' at most k² (k² − 1)/3.
         """
-        k, s = self._degrees, SEMI_AXIS * half[:, None]
+        k, s = self._degrees, ELLIPSE_SEMI_AXIS * half[:, None]
         rho = 1.0 + s + np.sqrt(s * (2.0 + s))
         sizes = self._sizes[piece]
         first = np.einsum("nk,nkc->nc", k**2 * rho ** np.maximum(k - 1.0, 0.0), sizes)
         second = np.einsum("nk,nkc->nc", k**2 * (k**2 - 1.0) / 3.0 * rho ** np.maximum(k - 2.0, 0.0), sizes)
-        slope = np.abs(_values(self._slopes[piece], middle)) + ROUNDING * np.einsum("k,nkc->nc", k**2, sizes)
-        radius: FloatArray = np.minimum(s * first, s * slope + 0.5 * s * s * second) * (1.0 + ROUNDING)
+        slope = np.abs(_values(self._slopes[piece], middle)) + SERIES_RELATIVE_ROUNDING * np.einsum(
+            "k,nkc->nc", k**2, sizes
+        )
+        radius: FloatArray = np.minimum(s * first, s * slope + 0.5 * s * s * second) * (
+            1.0 + SERIES_RELATIVE_ROUNDING
+        )
         return radius
 
 

@@ -9,19 +9,19 @@ from numpy.typing import NDArray
 
 from service.dynamics.defect.accumulation import StretchBatch
 from service.dynamics.defect.equations import Equations
+from service.dynamics.defect.stretches import SERIES_RELATIVE_ROUNDING
 
 FloatArray = NDArray[np.float64]
 
-HEIGHT = 1e-6
+HIDDEN_VARIATION = 1e-6
 """Variation of V on such a stretch that is looked for."""
-MORE = 100.0
+VARIATION_RATIO = 100.0
 """How many times the variation seen at the nodes it must be: intervals add up what cancels."""
-LEBESGUE = 4.0
+LEBESGUE_BOUND = 4.0
 """More than the Lebesgue constant of forty Chebyshev points: a polynomial that is at most 1 at them is
 at most this between them."""
-POLE = 1e-3
+NEAR_POLE_DISTANCE = 1e-3
 """Limit of |g1| and |g3| below which a state is next to a pole: V may have a limit there and no value."""
-ROUNDING = 2.0**-48
 
 
 @np.errstate(all="ignore")
@@ -37,13 +37,17 @@ def hides_something(equations: Equations, block: StretchBatch, *, is_planar: boo
     gamma = block.states[hidden, :, 3:]
     middle = gamma[:, gamma.shape[1] // 2]
     size = np.abs(gamma).max(axis=1)
-    radius = LEBESGUE * np.abs(gamma - middle[:, None]).max(axis=1) + ROUNDING * size
+    radius = LEBESGUE_BOUND * np.abs(gamma - middle[:, None]).max(axis=1) + SERIES_RELATIVE_ROUNDING * size
     varies = equations.value_spread(middle.T, radius.T)
     V = block.integrals[hidden, :, 0] - kinetic_of(equations, block.states[hidden])
     seen = V.max(axis=1) - V.min(axis=1)
     small = size[:, [0, 2]]
-    at_pole = (small < POLE).all(axis=1) | (is_planar & (small < ROUNDING).any(axis=1))
-    hidden[hidden] = ~(varies <= HEIGHT + MORE * np.where(np.isfinite(seen), seen, 0.0)) & ~at_pole
+    at_pole = (small < NEAR_POLE_DISTANCE).all(axis=1) | (
+        is_planar & (small < SERIES_RELATIVE_ROUNDING).any(axis=1)
+    )
+    hidden[hidden] = (
+        ~(varies <= HIDDEN_VARIATION + VARIATION_RATIO * np.where(np.isfinite(seen), seen, 0.0)) & ~at_pole
+    )
     return hidden
 
 

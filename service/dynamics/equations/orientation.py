@@ -27,6 +27,8 @@ import numpy as np
 from service.dynamics.bounds import largest
 from service.dynamics.solution.dense_output import (
     EPSILON,
+    TURN,
+    TURN_LOW,
     Advance,
     DenseOutput,
     FloatArray,
@@ -40,10 +42,10 @@ QUATERNION: tuple[str, ...] = ("q0", "q1", "q2", "q3")
 LOCAL_QUATERNION: tuple[str, ...] = ("local_q0", "local_q1", "local_q2", "local_q3")
 """The quaternion of the time within a period; internal, not shown to clients."""
 PRECESSION: tuple[str, ...] = ("psi1", "psi3")
-VERTICAL = 1e-6
+VERTICAL_ANGLE = 1e-6
 """Angle from the vertical below which the azimuth of an axis is undefined."""
 
-_TWO_TURNS = Period(4.0 * math.pi, 4.0 * 1.2246467991473532e-16, 0.0)
+_TWO_TURNS = Period(2.0 * TURN, 2.0 * TURN_LOW, 0.0)
 """4π in two doubles: the period of a quaternion in its angle."""
 
 Column = TypeVar("Column", float, FloatArray)
@@ -153,12 +155,12 @@ def attitude(gamma: FloatArray) -> FloatArray:
     r"""Return the quaternion, shape (4,), of the attitude at t = 0 with this gamma, shape (3,).
 
     R = Ry(−β) Rx(χ) with g1 = sin β, (g2, g3) = cos β (sin χ, cos χ): the first axis
-    of the body has no azimuth. Where it is vertical, within VERTICAL, the second axis
+    of the body has no azimuth. Where it is vertical, within VERTICAL_ANGLE, the second axis
     has the azimuth π/2 instead: R = Rx(a) Ry(b).
     """
     g1, g2, g3 = np.asarray(gamma, dtype=np.float64).tolist()
     tilt = math.hypot(g2, g3)
-    if tilt > VERTICAL:
+    if tilt > VERTICAL_ANGLE:
         return quaternion_product(_about(1, -math.atan2(g1, tilt)), _about(0, math.atan2(g2, g3)))
     return quaternion_product(_about(0, math.atan2(g2, math.hypot(g1, g3))), _about(1, math.atan2(-g1, g3)))
 

@@ -26,7 +26,7 @@ _LATITUDES = tuple(
     for rho, sign in (("1/2", 1), ("1/3", -1), ("4/5", 1), ("1/9", -1), ("1/2", -1), ("1/3", 1))
 )
 """rho = 1 - g2² and the sign of g2 of the points of a curve where the energy is taken, in turn."""
-_NEEDED = 2
+_ENERGIES_NEEDED = 2
 """Points of the curve whose energies must agree."""
 _MAX_STEPS = 80
 
@@ -85,7 +85,7 @@ def F_on_curves(body: RigidBody, potential: Potential, signs: tuple[int, int]) -
             H = potential.H_ball(body, *_point(body, log_curve, signs, float(rho), g2_sign))
             if H.is_finite():
                 energies.append(H)
-            if len(energies) == _NEEDED:
+            if len(energies) == _ENERGIES_NEEDED:
                 break
         if not energies:
             return arb("nan")

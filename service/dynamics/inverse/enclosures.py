@@ -15,7 +15,7 @@ PRECISIONS = (96, 192, 384, 768, 1536)
 """Bits, in turn, until a ball is narrow."""
 _BITS_OF_ZERO = 384
 """A ball with so many bits that still has 0 in it is taken for 0: a value that is 0 is never narrow."""
-_NARROW = 2.0**-56
+_RELATIVE_RADIUS = 2.0**-56
 """Relative radius that is lost in the rounding to a double."""
 
 
@@ -49,7 +49,7 @@ def _value_at(function: BallFunction, x: float) -> tuple[float, float]:
             error = _upwards(float((ball - arb(value)).abs_upper()))
             if isfinite(value) and error < best[1]:
                 best = value, error
-            if ball.rad() <= _NARROW * abs(ball.mid()):
+            if ball.rad() <= _RELATIVE_RADIUS * abs(ball.mid()):
                 break
     return best
 

@@ -37,7 +37,7 @@ from service.dynamics.verdict.proofs.proof import Signs, prove
 CURVE_NAMES = frozenset(("lambda", "nu", "w"))
 """Variables of the formulas: a parameter with such a name could not be told from one."""
 _FAMILY = "expression"
-_SIZE = 300
+_MAX_INSTRUCTIONS = 300
 """Instructions of a potential; the parts of a longer one would cost as much again as its verdict."""
 
 
@@ -179,7 +179,7 @@ def named_sum(tree: Tree, values: Mapping[str, Fraction]) -> NamedSum | None:
 def sum_of_parts(values: Mapping[str, Fraction], parts: tuple[tuple[str, Potential], ...]) -> NamedSum | None:
     """Return the sum, None if it is none or too long."""
     size = sum(len(part.tape.instructions) for _, part in parts)
-    return NamedSum(values, parts) if parts and size <= _SIZE else None
+    return NamedSum(values, parts) if parts and size <= _MAX_INSTRUCTIONS else None
 
 
 def _sum_of_terms(of_parts: list[tuple[str, OctantTerms]], signs: Signs) -> EnergyTerms | None:

@@ -194,7 +194,7 @@ def _means(left: Sequence[Exponents], right: Sequence[Exponents]) -> fmpq_mat:
     return fmpq_mat(len(left), len(right), entries)
 
 
-MORE_DEGREES = 6
+EXCESS_DEGREES = 6
 """Default excess of the search degree over the degree of V."""
 
 MAX_RATIO_BITS = 1024
@@ -229,7 +229,7 @@ def nearest_admissible(
 
     None too where A/C has more than ``MAX_RATIO_BITS``, or the answer would be beyond the limits of formulas.
     It is searched among all of at most the degree ``highest``; if that is left
-    out, the degree of ``potential`` on the sphere plus ``MORE_DEGREES``.
+    out, the degree of ``potential`` on the sphere plus ``EXCESS_DEGREES``.
 
     Raises
     ------
@@ -240,7 +240,7 @@ def nearest_admissible(
     polynomial = as_polynomial(potential)
     if polynomial is None or not _are_short([body.alpha], bits=MAX_RATIO_BITS):
         return None
-    highest = degree(polynomial) + MORE_DEGREES if highest is None else highest
+    highest = degree(polynomial) + EXCESS_DEGREES if highest is None else highest
     space = admissible_space(body.alpha, highest)
     expression = _text(space.alpha, space.nearest_to(polynomial))
     square = mean_product(polynomial, polynomial)

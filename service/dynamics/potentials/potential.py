@@ -26,6 +26,8 @@ from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.formula.tree import Tree
 
+FloatArray = NDArray[np.float64]
+
 
 @dataclass(frozen=True, slots=True)
 class Notice:
@@ -77,7 +79,6 @@ SECOND_ORDER = Way("real", _second_order, is_shared=True, often=3 * OFTEN)
 """The value, its three first derivatives, and the second ones 11, 12, 13, 22, 23, 33: a long program."""
 
 
-FloatArray = NDArray[np.float64]
 BallRow = tuple[arb, arb, arb]
 BallJet = tuple[arb, BallRow, tuple[BallRow, BallRow, BallRow]]
 """Value, gradient and hessian."""

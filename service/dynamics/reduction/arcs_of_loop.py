@@ -15,14 +15,14 @@ from service.dynamics.reduction.root_finding.radicand import HalfLoop, precise_r
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, PoleKind, Region, Zero, ZeroKind
 from service.dynamics.reduction.window import Arc, ArcEnd
 
-BITS = 10240
+LIMIT_BITS = 10240
 """Bits for comparing two limits that the formula does not show to be equal."""
-FAR, NEAR = -352, -704
+FAR_LOG2_DISTANCE, NEAR_LOG2_DISTANCE = -352, -704
 """log2 of the distances from the pole at which the values on both sides are compared."""
-SEEN = 2.0**-24
+LIMIT_RELATIVE_DIFFERENCE = 2.0**-24
 """Relative difference of values that are known to 32 bits at least."""
-DIES_OUT = 2.0**-16
-"""A difference that shrinks more from FAR to NEAR comes from the distance to the pole, not the limits."""
+SHRINKING_RATIO = 2.0**-16
+"""A difference that shrinks more between the two comes from the distance to the pole, not from the limits."""
 
 
 class PassageUndecidedError(DynamicsError):
@@ -42,21 +42,26 @@ def has_one_limit(loop: Loop, side: Region) -> bool:
     Raises
     ------
     PassageUndecidedError
-        They differ by less than BITS can resolve, and are not proved equal.
+        They differ by less than LIMIT_BITS can resolve, and are not proved equal.
     """
     if is_even(loop) or _is_analytic(loop):
         return True
     if not loop.potential.has_formula:
         # Nothing is proved of an integral, and many of its digits cost too much.
-        here, there = (precise_radicand(loop, sign)(LoopPlace(side, arb(2) ** FAR)) for sign in (1, -1))
-        return bool(abs(here - there) < abs(here) * SEEN)
-    with ctx.workprec(BITS):
+        here, there = (
+            precise_radicand(loop, sign)(LoopPlace(side, arb(2) ** FAR_LOG2_DISTANCE)) for sign in (1, -1)
+        )
+        return bool(abs(here - there) < abs(here) * LIMIT_RELATIVE_DIFFERENCE)
+    with ctx.workprec(LIMIT_BITS):
         finer = loop.refined()
         sides = [precise_radicand(finer, sign) for sign in (1, -1)]
-        far, near = (_difference([P(LoopPlace(side, arb(2) ** e)) for P in sides]) for e in (FAR, NEAR))
-    if near > far * DIES_OUT:
+        far, near = (
+            _difference([P(LoopPlace(side, arb(2) ** e)) for P in sides])
+            for e in (FAR_LOG2_DISTANCE, NEAR_LOG2_DISTANCE)
+        )
+    if near > far * SHRINKING_RATIO:
         return False
-    if near < far * DIES_OUT:
+    if near < far * SHRINKING_RATIO:
         return True
     raise PassageUndecidedError(
         "p² is neither proved to have one limit at the pole "

@@ -20,8 +20,8 @@ from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
-    NARROWEST,
-    QUARTER,
+    CELL_MIN_RELATIVE_WIDTH,
+    QUARTER_TURN,
     Cells,
     Loops,
     Shape,
@@ -37,19 +37,19 @@ IntArray = NDArray[np.int64]
 
 OCTAVES = 24
 """Stretches to begin with, towards 0 and towards ∞, each with the ratio 2 of its ends."""
-NARROW = 1e-5
+STRETCH_MIN_RELATIVE_WIDTH = 1e-5
 """Relative width of a stretch that is not halved any more."""
-END = 1e-3
+END_RELATIVE_RADIUS = 1e-3
 """Relative radius up to which an unknown stretch between motions and none is an end."""
-NEAREST = 1e-12
+NEAREST_LAMBDA = 1e-12
 """A stretch next to 0 or ∞ that ends here is not cut again."""
-PARTS = 8
-MOST_STRETCHES = 64
+CUT_PARTS = 8
+MAX_OPEN_STRETCHES = 64
 """Open ones at a time: with more of them nothing is gained by halving."""
-MOST_CELLS = 1024
-REFINEMENTS, FINER = 3, 13
+MAX_CELLS = 1024
+REFINEMENTS, REFINEMENT_POINTS = 3, 13
 """How often, and with how many places, the neighbourhood of the best place is looked at again."""
-BITS = 128
+SIGN_BITS = 128
 
 State = Literal["motions", "none", "unknown"]
 
@@ -89,13 +89,17 @@ class _Piece:
         if self.low == 0.0:
             ends = [0.0, self.high / 16.0, self.high]
         else:
-            ends = [*np.geomspace(self.low, self.high, PARTS + 1)[:-1].tolist(), self.high]
+            ends = [*np.geomspace(self.low, self.high, CUT_PARTS + 1)[:-1].tolist(), self.high]
         return [_Piece(self.is_inverse, low, high) for low, high in pairwise(ends)]
 
     @property
     def is_small(self) -> bool:
         """Tell whether it is not to be cut."""
-        return self.high < NEAREST if self.low == 0.0 else self.high - self.low < NARROW * self.high
+        return (
+            self.high < NEAREST_LAMBDA
+            if self.low == 0.0
+            else self.high - self.low < STRETCH_MIN_RELATIVE_WIDTH * self.high
+        )
 
 
 def find_existence(
@@ -123,11 +127,11 @@ def find_existence(
                 following.append(known)
             else:
                 done.append(known)
-        if len(following) > MOST_STRETCHES or is_late():
+        if len(following) > MAX_OPEN_STRETCHES or is_late():
             done.extend(following)
             break
         waiting = [part for piece in following for part in piece.cut()]
-    with ctx.workprec(BITS):
+    with ctx.workprec(SIGN_BITS):
         return _in_order(done, shape, motion)
 
 
@@ -147,8 +151,8 @@ def _states(tape: Tape, shape: Shape, pieces: Sequence[_Piece], is_late: Callabl
         moving = _have_motions(tape, loops)
         rest = np.flatnonzero(~moving)
         # Cells much narrower than the stretch of λ add nothing.
-        narrowest = np.clip((1.0 - low / high) / 8.0, NARROWEST, 1e-3)[rest]
-        empty = have_no_motion(tape, loops.at(rest), MOST_CELLS, narrowest, is_late)
+        narrowest = np.clip((1.0 - low / high) / 8.0, CELL_MIN_RELATIVE_WIDTH, 1e-3)[rest]
+        empty = have_no_motion(tape, loops.at(rest), MAX_CELLS, narrowest, is_late)
         for k in np.flatnonzero(moving).tolist():
             states[places[k]] = "motions"
         for k in rest[empty].tolist():
@@ -174,19 +178,19 @@ def _have_motions(tape: Tape, loops: Loops) -> BoolArray:
         # Neighbours are no farther than a quarter of a turn through the places, or a factor of 8.
         width = np.minimum(0.1, 0.9 * centre)
         for _ in range(REFINEMENTS):
-            shares = np.linspace(-1.0, 1.0, FINER)
-            top = np.clip(centre[:, None] + width[:, None] * shares, 1e-12, QUARTER)
-            values = _lowest(tape, loops, np.full(FINER, sign), top * (1.0 - 1e-12), top)
+            shares = np.linspace(-1.0, 1.0, REFINEMENT_POINTS)
+            top = np.clip(centre[:, None] + width[:, None] * shares, 1e-12, QUARTER_TURN)
+            values = _lowest(tape, loops, np.full(REFINEMENT_POINTS, sign), top * (1.0 - 1e-12), top)
             moving |= (values > 0.0).any(axis=1)
             centre = top[np.arange(count), np.argmax(values, axis=1)]
-            width = width * (2.0 / (FINER - 1.0))
+            width = width * (2.0 / (REFINEMENT_POINTS - 1.0))
     return moving
 
 
 def _places() -> tuple[FloatArray, FloatArray]:
     """Return the places where a motion is looked for: next to the pole stretches, else points."""
     poles = 10.0 ** -np.array([32.0, 16.0, 8.0, 4.0, 2.0, 1.0])
-    points = np.concatenate([np.geomspace(1e-8, 0.1, 12), np.linspace(0.1, QUARTER, 25)[1:]])
+    points = np.concatenate([np.geomspace(1e-8, 0.1, 12), np.linspace(0.1, QUARTER_TURN, 25)[1:]])
     low = np.concatenate([np.zeros(len(poles)), points * (1.0 - 1e-12)])
     return low, np.concatenate([poles, points])
 
@@ -260,7 +264,7 @@ def _read(runs: Sequence[_Run], name: Literal["lambda", "nu"]) -> Existence:
         around = {runs[n][0] for n in (k - 1, k + 1) if 0 <= n < len(runs)}
         if lower is not None and upper is not None and len(around) == 2:
             enclosing = lower.union(upper)
-            if enclosing.rad() < END * abs(enclosing.mid()):
+            if enclosing.rad() < END_RELATIVE_RADIUS * abs(enclosing.mid()):
                 ends[k] = enclosing
                 continue
         undecided.append(CurveRange(lower, upper))

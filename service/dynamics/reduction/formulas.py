@@ -40,7 +40,7 @@ from service.dynamics.potentials.recognition.three_terms import ThreeTerms
 from service.dynamics.reduction.window import Window
 
 _BITS = 128
-_NEAR = Fraction(1, 10**9)
+_TURNING_POINT_DISTANCE = Fraction(1, 10**9)
 """A turning point in doubles is that close to the root that it is; a window ends nowhere else."""
 
 
@@ -108,7 +108,11 @@ def _nearest(roots: list[str], value: float) -> str | None:
     """Return the root that the turning point is, None if it is none or two are too close to tell."""
     target = Fraction(value)
     with ctx.workprec(_BITS):
-        near = [root for root in roots if abs(_ball(root) - _exact(target)) < _exact(_NEAR * (1 + target))]
+        near = [
+            root
+            for root in roots
+            if abs(_ball(root) - _exact(target)) < _exact(_TURNING_POINT_DISTANCE * (1 + target))
+        ]
     return near[0] if len(near) == 1 else None
 
 

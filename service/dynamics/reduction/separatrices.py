@@ -6,7 +6,13 @@ from dataclasses import replace
 from flint import arb, ctx
 
 from service.dynamics.reduction.geometry.loop import Loop, ball
-from service.dynamics.reduction.lows import HERE, Lows, are_apart, is_at_one_of, lows_of
+from service.dynamics.reduction.grid_minima import (
+    SAME_MINIMUM_DISTANCE,
+    GridMinima,
+    are_apart,
+    grid_minima_of,
+    is_at_one_of,
+)
 from service.dynamics.reduction.root_finding.gap import (
     KNOWN_BITS,
     NearRest,
@@ -18,28 +24,28 @@ from service.dynamics.reduction.root_finding.gap import (
 )
 from service.dynamics.reduction.root_finding.radicand import HalfLoop
 from service.dynamics.reduction.root_finding.rest_proof import proved_rest
-from service.dynamics.reduction.root_finding.zeros import LEFT_BITS, Zero
+from service.dynamics.reduction.root_finding.zeros import BRACKET_BITS, Zero
 from service.dynamics.reduction.sign_proofs.cells import half_of
 from service.dynamics.reduction.sign_proofs.high_zeros import order_at_part
 from service.dynamics.reduction.window import height
 
-SAME = 2.0**-64
+SAME_POINT_DISTANCE = 2.0**-64
 """Distance in v of two places that are one, known with different bits."""
-SIGNS = 2.0 ** (8 - LEFT_BITS)
+SIGNS_RELATIVE_DISTANCE = 2.0 ** (8 - BRACKET_BITS)
 """Distance from a zero at which signs locate it, relative to its distance from the pole."""
-CLOSE = 2.0**-12
+NEAR_REST_RELATIVE_REACH = 2.0**-12
 """Reach of a near rest, against the distance from the pole, up to which it is one."""
 
 
 def with_near_rests(
-    loop: Loop, half: HalfLoop, g3_sign: int, turns: Iterable[arb], seen: Lows | None = None
+    loop: Loop, half: HalfLoop, g3_sign: int, turns: Iterable[arb], minima: GridMinima | None = None
 ) -> HalfLoop:
     """Return the half with the places where P nearly touches 0 and is proved not to.
 
-    They are looked for next to the zeros, the equator and the ``turns`` of P, 0 < v < π, and where ``seen``,
-    which says what a grid shows of P, does not exclude them.
+    They are looked for next to the zeros, the equator and the ``turns`` of P, 0 < v < π, and where
+    ``minima``, which says what a grid shows of P, does not exclude them.
     """
-    seen = lows_of([loop], g3_sign)[0] if seen is None else seen
+    minima = grid_minima_of([loop], g3_sign)[0] if minima is None else minima
     zeros = [zero for zero in half.zeros if zero.kind != "infinite"]
     # Next to another place P is no simple zero's, however straight it looks.
     turned = [v * g3_sign for v in turns]
@@ -47,18 +53,22 @@ def with_near_rests(
     plain = [
         abs(float(zero.v))
         for zero in zeros
-        if apart and zero.kind == "simple" and seen.passes_plainly(loop, zero.v)
+        if apart and zero.kind == "simple" and minima.passes_plainly(loop, zero.v)
     ]
     places = [zero.v for zero in zeros if abs(float(zero.v)) not in plain]
-    if not seen.is_far_at_equator:
+    if not minima.is_far_at_equator:
         places.append(arb.pi() / 2 * g3_sign)
     places.extend(turned)
-    places.extend(arb(x) * g3_sign for x in seen.lowest() if not is_at_one_of(x, plain))
+    places.extend(arb(x) * g3_sign for x in minima.lowest() if not is_at_one_of(x, plain))
     found: list[NearRest] = []
     for v in places:
         near = _known(loop, v)
         # From afar Newton's method leads anywhere: then the place is another's.
-        if near is None or not _is_close(near) or not abs(near.v - v) < 2 * near.reach + HERE:
+        if (
+            near is None
+            or not _is_close(near)
+            or not abs(near.v - v) < 2 * near.reach + SAME_MINIMUM_DISTANCE
+        ):
             continue
         # Two places that agree within their errors are the same unless they are proved different.
         same = [other for other in found if not abs(near.v - other.v) > near.reach]
@@ -85,7 +95,7 @@ def _is_told(near: NearRest) -> bool:
 
 
 def _is_close(near: NearRest) -> bool:
-    return bool(near.square.abs_upper() < (CLOSE * near.v.sin()) ** 2)
+    return bool(near.square.abs_upper() < (NEAR_REST_RELATIVE_REACH * near.v.sin()) ** 2)
 
 
 def resolved(loop: Loop, half: HalfLoop) -> HalfLoop:
@@ -107,7 +117,7 @@ def resolved(loop: Loop, half: HalfLoop) -> HalfLoop:
             zeros.append(found)
             signs.append(after)
             continue
-        slow = [*(near for near in slow if not abs(near.v - found.v) < SAME), found]
+        slow = [*(near for near in slow if not abs(near.v - found.v) < SAME_POINT_DISTANCE), found]
         if found.square < 0:
             # The two sides of a narrow gap agree in more digits than the current precision.
             with ctx.workprec(max(ctx.prec, found.v.bits()) + 64):
@@ -160,7 +170,7 @@ def _end_of_gap(loop: Loop, zero: Zero, before: int) -> Zero | None:
                 return None
             if not _is_told(near):
                 continue
-            if not (near.square < 0 and near.reach < SAME * sine):
+            if not (near.square < 0 and near.reach < SAME_POINT_DISTANCE * sine):
                 return None
             refined = loop.refined()
             rate = ball(loop.C) * near.at.c * abs(near.v.sin())
@@ -175,7 +185,7 @@ def _end_of_gap(loop: Loop, zero: Zero, before: int) -> Zero | None:
             side = -1 if (before < 0) == (near.K < 0) else 1
             end = near.v + side * away
             # Else it is another zero, farther away.
-            return Zero(end, "simple") if abs(end - zero.v) < SIGNS * sine else None
+            return Zero(end, "simple") if abs(end - zero.v) < SIGNS_RELATIVE_DISTANCE * sine else None
     return None
 
 

@@ -14,7 +14,7 @@ from service.dynamics.problem import (
 from service.dynamics.reduction.geometry.loop import ball, start_g3_sign
 from service.dynamics.reduction.window import Arc, Window
 
-EQUILIBRIUM = 1e-12
+EQUILIBRIUM_DISTANCE = 1e-12
 """A requested start within this distance of the equilibrium is the equilibrium."""
 
 
@@ -83,9 +83,9 @@ def _at_equilibrium(window: Window, motion: PlanarMotion) -> StartingPoint:
     if isinstance(motion.start, StartAtRest) or motion.start is None:
         is_there = len(window.arcs) > 1 or motion.start is None or (arc.lower.cos() > 0) == (wanted > 0)
     elif isinstance(motion.start, StartAtEquator):
-        is_there = abs(window.g2[0]) < EQUILIBRIUM
+        is_there = abs(window.g2[0]) < EQUILIBRIUM_DISTANCE
     else:
-        is_there = abs(float(motion.start.g1) - window.g1[0]) < EQUILIBRIUM
+        is_there = abs(float(motion.start.g1) - window.g1[0]) < EQUILIBRIUM_DISTANCE
     if not is_there:
         raise StartOutsideWindowError(
             f"the window is the equilibrium at g1 = {window.g1[0]:.17g}, g2 = {window.g2[0]:.17g} alone",

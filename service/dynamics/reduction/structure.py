@@ -34,9 +34,9 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.vanishing import vanishing_parts
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.lows import Lows, lows_of
+from service.dynamics.reduction.grid_minima import GridMinima, grid_minima_of
 from service.dynamics.reduction.root_finding.radicand import (
-    DOUBLE_SHARE,
+    DOUBLE_ZERO_BITS_SHARE,
     HalfLoop,
     half_between,
     in_order,
@@ -63,13 +63,20 @@ from service.dynamics.reduction.sign_proofs.infinities import (
     is_essential,
 )
 from service.dynamics.reduction.sign_proofs.sign_maps import (
-    MOST_GAPS,
+    MAX_GAPS,
     ends_of,
     halved,
-    pictures_together,
     settled,
+    sign_maps_together,
 )
-from service.dynamics.reduction.sign_proofs.signs import INFINITE, NAMED, Gap, Picture, first_picture, refined
+from service.dynamics.reduction.sign_proofs.signs import (
+    INFINITE,
+    NAMED,
+    Gap,
+    SignMap,
+    first_sign_map,
+    refined,
+)
 from service.dynamics.reduction.sign_proofs.signs_in_balls import (
     Side,
     height_at,
@@ -83,16 +90,16 @@ IntArray = NDArray[np.int64]
 Ends = tuple[Side, Side]
 """The two ends of a gap."""
 
-ROUNDS = 6
+CUT_ROUNDS = 6
 """Rounds of cuts in doubles before anything else is tried."""
-NARROW = 1e-5
+STRETCH_RELATIVE_WIDTH = 1e-5
 """Width, against the distance to the pole, that a stretch about a zero of higher order, or of none, or about
 an edge may have."""
 MOST_ZEROS = 4
 """In no more open gaps than these zeros of high order are looked for before cells are halved."""
-AROUND = 1 / 16
+SIZE_RELATIVE_DISTANCE = 1 / 16
 """Relative distance from it at which P has its size."""
-NEXT = 1e-14
+NEXT_RELATIVE_DISTANCE = 1e-14
 
 
 class SignsUnsettledError(DynamicsError):
@@ -119,27 +126,27 @@ class HalfInDoubles:
     """The results of doubles about one half of a loop, before balls look at it."""
 
     half: Half
-    picture: Picture
-    lows: Lows
+    sign_map: SignMap
+    minima: GridMinima
 
 
-def see_together(loops: Sequence[Loop], g3_sign: int) -> list[HalfInDoubles | None]:
+def halves_in_doubles(loops: Sequence[Loop], g3_sign: int) -> list[HalfInDoubles | None]:
     """Return what :func:`proved_half` begins with, for loops of one body and formula, and of equal signs.
 
-    None where the picture has so many cells that it is better made alone.
+    None where the sign map has so many cells that it is better made alone.
     """
     halves = [half_of(loop, loop.potential.tape, g3_sign) for loop in loops]
-    pictures, lows = pictures_together(halves, ROUNDS), lows_of(loops, g3_sign)
+    sign_maps, minima = sign_maps_together(halves, CUT_ROUNDS), grid_minima_of(loops, g3_sign)
     return [
-        None if picture is None else HalfInDoubles(half, picture, low)
-        for half, picture, low in zip(halves, pictures, lows, strict=True)
+        None if sign_map is None else HalfInDoubles(half, sign_map, low)
+        for half, sign_map, low in zip(halves, sign_maps, minima, strict=True)
     ]
 
 
-def proved_half(loop: Loop, g3_sign: int, seen: HalfInDoubles | None = None) -> HalfLoop:
+def proved_half(loop: Loop, g3_sign: int, in_doubles: HalfInDoubles | None = None) -> HalfLoop:
     """Return the zeros and signs of P where g3 has this sign (primed axes).
 
-    ``seen`` is what was found of this half together with others.
+    ``in_doubles`` is what was found of this half together with others.
 
     Raises
     ------
@@ -151,39 +158,39 @@ def proved_half(loop: Loop, g3_sign: int, seen: HalfInDoubles | None = None) -> 
     except NoClosedFormError:
         return with_near_rests(loop, _seen_half(loop, g3_sign), g3_sign, ())
     radicand = precise_radicand(loop, g3_sign)
-    half = half_of(loop, tape, g3_sign) if seen is None else seen.half
-    picture = refined(half, first_picture(half), ROUNDS) if seen is None else seen.picture
-    if (picture.found.sign == 0).all() and vanishes(radicand):
+    half = half_of(loop, tape, g3_sign) if in_doubles is None else in_doubles.half
+    sign_map = refined(half, first_sign_map(half), CUT_ROUNDS) if in_doubles is None else in_doubles.sign_map
+    if (sign_map.found.sign == 0).all() and vanishes(radicand):
         return HalfLoop((), (-1,), "blocked", "blocked")
     infinities, zeros = list[Infinity](), dict[Ends, HighZero]()
-    if picture.open_gaps():
-        picture = _with_infinities(half, picture, infinities)
-        picture = _with_infinities(half, settled(half, picture), infinities)
-        picture = halved(half, _with_high_zeros(half, picture, zeros, radicand))
-        picture = _with_infinities(half, picture, infinities)
-    cuts, gaps = _cuts(picture), picture.open_gaps()
-    if len(gaps) > MOST_GAPS:
-        raise _unsettled(half, *ends_of(picture, gaps[0]))
+    if sign_map.open_gaps():
+        sign_map = _with_infinities(half, sign_map, infinities)
+        sign_map = _with_infinities(half, settled(half, sign_map), infinities)
+        sign_map = halved(half, _with_high_zeros(half, sign_map, zeros, radicand))
+        sign_map = _with_infinities(half, sign_map, infinities)
+    cuts, gaps = _cuts(sign_map), sign_map.open_gaps()
+    if len(gaps) > MAX_GAPS:
+        raise _unsettled(half, *ends_of(sign_map, gaps[0]))
     turns = [
         place
         for gap in gaps
-        if not picture.is_infinite(gap)
-        for place in _cuts_inside(half, picture, gap, zeros, radicand)
+        if not sign_map.is_infinite(gap)
+        for place in _cuts_inside(half, sign_map, gap, zeros, radicand)
     ]
     cuts.extend(turns)
     for gap in gaps:
-        if picture.is_infinite(gap):
-            cuts.extend(_cuts_about(half, picture, gap, infinities, radicand))
+        if sign_map.is_infinite(gap):
+            cuts.extend(_cuts_about(half, sign_map, gap, infinities, radicand))
     found = half_between(in_order(cuts), g3_sign, radicand)
     for gap in gaps:
-        start, stop = ends_of(picture, gap)
+        start, stop = ends_of(sign_map, gap)
         # A zero without a name would have to be the only one by bounds of the slope.
-        if not (picture.is_bounded(gap) or picture.is_known(gap)) and any(
+        if not (sign_map.is_bounded(gap) or sign_map.is_known(gap)) and any(
             zero.kind == "simple" and _is_between(zero.v, start, stop) for zero in found.zeros
         ):
             raise _unsettled(half, start, stop)
-    lows = None if seen is None else seen.lows
-    return with_near_rests(loop, found, g3_sign, [place.v() for place in turns], lows)
+    minima = None if in_doubles is None else in_doubles.minima
+    return with_near_rests(loop, found, g3_sign, [place.v() for place in turns], minima)
 
 
 def _seen_half(loop: Loop, g3_sign: int) -> HalfLoop:
@@ -214,29 +221,31 @@ def _seen_half(loop: Loop, g3_sign: int) -> HalfLoop:
     return half
 
 
-def _with_infinities(half: Half, picture: Picture, found: list[Infinity]) -> Picture:
-    """Return the picture with the gaps in which P is proved to be infinite, appended to ``found``."""
-    gaps = [gap for gap in picture.open_gaps() if not (picture.is_bounded(gap) or picture.is_known(gap))]
-    if not gaps or len(gaps) > MOST_GAPS or not vanishing_parts(half.tape):
-        return picture
-    most = picture.most_zeros.copy()
+def _with_infinities(half: Half, sign_map: SignMap, found: list[Infinity]) -> SignMap:
+    """Return the sign map with the gaps in which P is proved to be infinite, appended to ``found``."""
+    gaps = [gap for gap in sign_map.open_gaps() if not (sign_map.is_bounded(gap) or sign_map.is_known(gap))]
+    if not gaps or len(gaps) > MAX_GAPS or not vanishing_parts(half.tape):
+        return sign_map
+    most = sign_map.most_zeros.copy()
     for gap in gaps:
         if gap[0] > 0 and gap[1] < len(most):
-            infinity = infinity_between(half, *ends_of(picture, gap))
+            infinity = infinity_between(half, *ends_of(sign_map, gap))
             if infinity is not None:
                 found.append(infinity)
                 most[gap[0] : gap[1]] = INFINITE
-    return replace(picture, most_zeros=most)
+    return replace(sign_map, most_zeros=most)
 
 
 def _with_high_zeros(
-    half: Half, picture: Picture, found: dict[Ends, HighZero], radicand: Radicand
-) -> Picture:
-    """Return the picture with the gaps in which P is proved to have one zero, of high order: in ``found``."""
-    most, open_gaps = picture.most_zeros.copy(), list[tuple[Gap, Ends, tuple[int, int]]]()
-    for gap in picture.open_gaps():
-        signs, ends = _labels_around(picture, gap), ends_of(picture, gap)
-        is_open = not (picture.is_bounded(gap) or picture.is_known(gap) or width_of(*ends) < NARROW)
+    half: Half, sign_map: SignMap, found: dict[Ends, HighZero], radicand: Radicand
+) -> SignMap:
+    """Return the sign map with the gaps in which P is proved to have one zero of high order, in ``found``."""
+    most, open_gaps = sign_map.most_zeros.copy(), list[tuple[Gap, Ends, tuple[int, int]]]()
+    for gap in sign_map.open_gaps():
+        signs, ends = _labels_around(sign_map, gap), ends_of(sign_map, gap)
+        is_open = not (
+            sign_map.is_bounded(gap) or sign_map.is_known(gap) or width_of(*ends) < STRETCH_RELATIVE_WIDTH
+        )
         if is_open and not {0, UNDEFINED} & set(signs):
             open_gaps.append((gap, ends, signs))
     # A look for one takes as long as some hundred cells.
@@ -245,23 +254,23 @@ def _with_high_zeros(
         if zero is not None and zero.is_proved:
             found[ends] = zero
             most[gap[0] : gap[1]] = NAMED
-    return replace(picture, most_zeros=most)
+    return replace(sign_map, most_zeros=most)
 
 
 def _cuts_about(
-    half: Half, picture: Picture, gap: Gap, infinities: Sequence[Infinity], radicand: Radicand
+    half: Half, sign_map: SignMap, gap: Gap, infinities: Sequence[Infinity], radicand: Radicand
 ) -> list[LoopPlace]:
     """Return the place in a gap where P is infinite, and others that show its signs on both sides of it."""
-    ends = ends_of(picture, gap)
+    ends = ends_of(sign_map, gap)
     infinity = next(each for each in infinities if (each.start, each.stop) == ends)
-    cuts = infinity.cuts(radicand, *_labels_around(picture, gap))
+    cuts = infinity.cuts(radicand, *_labels_around(sign_map, gap))
     if cuts is None:
         raise _unsettled(half, *ends)
     return cuts
 
 
-def _labels_around(picture: Picture, gap: Gap) -> tuple[int, int]:
-    labels = _labels(picture)
+def _labels_around(sign_map: SignMap, gap: Gap) -> tuple[int, int]:
+    labels = _labels(sign_map)
     before, after = (int(labels[k]) if 0 <= k < len(labels) else 0 for k in (gap[0] - 1, gap[1]))
     return before, after
 
@@ -269,13 +278,15 @@ def _labels_around(picture: Picture, gap: Gap) -> tuple[int, int]:
 def _is_between(v: arb, start: Side, stop: Side) -> bool:
     """Tell whether a zero, on either half, lies on the stretch, as far as doubles resolve."""
     low, high = (x if side > 0 else np.pi - x for side, x in (start, stop))
-    return bool(low * (1.0 - NEXT) <= abs(float(v)) <= high * (1.0 + NEXT))
+    return bool(
+        low * (1.0 - NEXT_RELATIVE_DISTANCE) <= abs(float(v)) <= high * (1.0 + NEXT_RELATIVE_DISTANCE)
+    )
 
 
-def _cuts(picture: Picture) -> list[LoopPlace]:
+def _cuts(sign_map: SignMap) -> list[LoopPlace]:
     """Return a place on the first and the last cell of each stretch where P has a sign."""
-    cells = picture.cells
-    label = _labels(picture)
+    cells = sign_map.cells
+    label = _labels(sign_map)
     is_inside = np.zeros(len(label), dtype=np.bool_)
     is_inside[1:-1] = (label[:-2] == label[1:-1]) & (label[1:-1] == label[2:])
     cuts = []
@@ -289,9 +300,9 @@ def _cuts(picture: Picture) -> list[LoopPlace]:
     return cuts
 
 
-def _labels(picture: Picture) -> IntArray:
+def _labels(sign_map: SignMap) -> IntArray:
     """Return the sign of P on each cell, 0 if it is not known, UNDEFINED where P has no value."""
-    return np.where(picture.found.is_undefined, UNDEFINED, picture.found.sign)
+    return np.where(sign_map.found.is_undefined, UNDEFINED, sign_map.found.sign)
 
 
 def _region(hemisphere: float) -> Region:
@@ -299,28 +310,28 @@ def _region(hemisphere: float) -> Region:
 
 
 def _cuts_inside(
-    half: Half, picture: Picture, gap: Gap, zeros: Mapping[Ends, HighZero], radicand: Radicand
+    half: Half, sign_map: SignMap, gap: Gap, zeros: Mapping[Ends, HighZero], radicand: Radicand
 ) -> list[LoopPlace]:
     """Return the place where P turns, or touches 0, in a gap that is not closed; none if it has an edge."""
-    start, stop = ends_of(picture, gap)
-    before, after = _labels_around(picture, gap)
+    start, stop = ends_of(sign_map, gap)
+    before, after = _labels_around(sign_map, gap)
     if 0 in (before, after):
         raise _unsettled(half, start, stop)
     if UNDEFINED in (before, after):
-        if before == after or not width_of(start, stop) < NARROW:
+        if before == after or not width_of(start, stop) < STRETCH_RELATIVE_WIDTH:
             raise _unsettled(half, start, stop)
         return []
     if (start, stop) in zeros:
         return _cut_at(zeros[start, stop], before, after)
-    if picture.is_bounded(gap):
-        turns = [turn_on_stretch(half, *ends_of(picture, turn)) for turn in picture.turns(gap)]
+    if sign_map.is_bounded(gap):
+        turns = [turn_on_stretch(half, *ends_of(sign_map, turn)) for turn in sign_map.turns(gap)]
         return [turn.place for turn in turns if turn is not None and turn.place is not None]
     sign = continuous_sign(half, start, stop)
     if sign and before == after:
         return []
-    if not width_of(start, stop) < NARROW:
+    if not width_of(start, stop) < STRETCH_RELATIVE_WIDTH:
         zero = high_zero(half, start, stop, (before, after), radicand)
-        if zero is None or not zero.is_settled(NARROW):
+        if zero is None or not zero.is_settled(STRETCH_RELATIVE_WIDTH):
             raise _unsettled(half, *((start, stop) if zero is None else zero.rest))
         return _cut_at(zero, before, after)
     if sign is not None:
@@ -350,9 +361,12 @@ def _touch(start: Side, stop: Side, radicand: Radicand) -> LoopPlace | None:
 
     middle = (left + right) / 2
     # As balls: beside a flat zero P is below all doubles.
-    one, other = (abs(value(middle * (1 + share))).mid() for share in (arb(AROUND), -arb(AROUND)))
+    one, other = (
+        abs(value(middle * (1 + share))).mid()
+        for share in (arb(SIZE_RELATIVE_DISTANCE), -arb(SIZE_RELATIVE_DISTANCE))
+    )
     size = one.max(other)
-    nothing = size * arb(2) ** -int(DOUBLE_SHARE * ctx.prec)
+    nothing = size * arb(2) ** -int(DOUBLE_ZERO_BITS_SHARE * ctx.prec)
     x = lowest_place(value, left, right, nothing)
     at_x = value(x)
     if at_x.is_finite():

@@ -3,7 +3,6 @@
 A planar motion lives in one window of its curve. Ends that the quadrature cannot handle are refused here.
 """
 
-import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -12,15 +11,15 @@ from flint import arb, ctx
 from service.dynamics.errors import DynamicsError
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.root_finding.gap import NearRest
-from service.dynamics.reduction.root_finding.zeros import HIGHEST_ORDER
+from service.dynamics.reduction.root_finding.zeros import MAX_ORDER
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 
 ArcEnd = Literal["rest", "double", "standstill", "flat", "collision", "pole", "edge"]
 """A simple zero of P; a zero of order two or more; one of an order between these; one of no order that is
 known; P → ∞, at a pole or elsewhere; a pole that is not passed; the edge of the potential's domain."""
 
 
-QUARTER = 0.5 * math.pi
-ASIDE = 2.0**-30
+BALL_AGREEMENT_DISTANCE = 2.0**-30
 """Distance between doubles at which balls agree about what is inside: more than these are rounded by."""
 
 
@@ -54,8 +53,8 @@ class Arc:
 
     def _inside(self, parity: int) -> list[arb]:
         # An arc lies within −2π ≤ v ≤ 2π.
-        low, high = float(self.lower) - ASIDE, float(self.upper) + ASIDE
-        quarters = [k for k in range(-4, 5) if k % 2 == parity and low < k * QUARTER < high]
+        low, high = float(self.lower) - BALL_AGREEMENT_DISTANCE, float(self.upper) + BALL_AGREEMENT_DISTANCE
+        quarters = [k for k in range(-4, 5) if k % 2 == parity and low < k * QUARTER_TURN < high]
         if not quarters:
             return []
         # An end next to one of them may be known to many more bits than the current precision.
@@ -134,7 +133,7 @@ def require_known_ends(window: Window) -> None:
     if flat:
         raise FlatZeroError(
             f"p² vanishes at g2 = {flat[0]:.15g}, where the motion ends, and is like no whole power of the "
-            f"distance up to the {HIGHEST_ORDER}th: when it comes near that place cannot be computed by "
+            f"distance up to the {MAX_ORDER}th: when it comes near that place cannot be computed by "
             'quadrature; accepted there is the method "integration"',
             pointer="/potential",
         )

@@ -19,7 +19,7 @@ from service.dynamics.reduction.arcs_of_loop import arcs_of
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.root_finding.radicand import HalfLoop
 from service.dynamics.reduction.separatrices import resolved
-from service.dynamics.reduction.structure import HalfInDoubles, proved_half, see_together
+from service.dynamics.reduction.structure import HalfInDoubles, halves_in_doubles, proved_half
 from service.dynamics.reduction.window import Arc, EndKind, Window, WindowKind, height
 
 
@@ -123,14 +123,14 @@ def _absolute_g1(loop: Loop, v: arb) -> float:
     return float(loop.G * (sine.log() * loop.alpha.numerator / loop.alpha.denominator).exp())
 
 
-PRECISION = 160
+REDUCTION_BITS = 160
 """Bits of the balls the reduction works in: 2^-160 of room below a double's 2^-53."""
 
-CONFIRMED = 640
+CONFIRMATION_BITS = 640
 """Bits in which what looks like a double zero is looked at again, before it is proved to be one."""
 
 
-KEPT = 8
+ANSWERS_CACHED = 8
 """Answers that are remembered: a job asks for its windows when it is judged, when it is solved, and for
 enclosures, and what proves them takes longer than many a motion."""
 
@@ -168,7 +168,7 @@ class NoSuchWindowError(DynamicsError):
 
 
 def find_windows(
-    body: RigidBody, potential: Potential, motion: PlanarMotion, *, precision: int = PRECISION
+    body: RigidBody, potential: Potential, motion: PlanarMotion, *, precision: int = REDUCTION_BITS
 ) -> tuple[Window, ...]:
     """Return all admissible windows on the half of the curve that ``motion`` names.
 
@@ -186,7 +186,7 @@ def find_windows(
         The curve does not exist.
     """
     # Hashing an exact problem takes longer than many a step of its solution.
-    handed = _HANDED.get(id(motion)) if precision == PRECISION else None
+    handed = _HANDED.get(id(motion)) if precision == REDUCTION_BITS else None
     if handed is not None and handed[0] is body and handed[1] is potential:
         return handed[3]
     key = _key(body, potential, motion, precision)
@@ -209,7 +209,7 @@ def remember_windows(
 
     They hold for the precision at which windows are found first.
     """
-    _remember(_key(body, potential, motion, PRECISION), windows)
+    _remember(_key(body, potential, motion, REDUCTION_BITS), windows)
 
 
 def hand_on_windows(
@@ -235,7 +235,7 @@ class _TheSame:
 
 _Key = tuple[RigidBody, Potential | _TheSame, PlanarMotion, int]
 _KNOWN: dict[_Key, tuple[Window, ...] | DynamicsError] = {}
-"""The last KEPT answers, the oldest first."""
+"""The last ANSWERS_CACHED answers, the oldest first."""
 _HANDED: dict[int, tuple[RigidBody, Potential, PlanarMotion, tuple[Window, ...]]] = {}
 """Problems and windows handed on last, by ``id`` of the motion: while that is kept, nothing else has its
 id."""
@@ -253,7 +253,7 @@ def _remember(key: _Key, found: tuple[Window, ...] | DynamicsError) -> None:
 
 
 def _keep_few(known: dict[Any, Any]) -> None:
-    while len(known) > KEPT:
+    while len(known) > ANSWERS_CACHED:
         # Another thread may have taken the oldest one away.
         known.pop(next(iter(known), None), None)
 
@@ -266,19 +266,19 @@ def find_windows_together(
     What doubles say is found for all of them at once, which takes a fraction of the time. Balls prove the
     same of each; the last bits of a ball may depend on the other motions.
     """
-    seen: list[_Loop | None] = [None] * len(motions)
+    in_doubles: list[_Loop | None] = [None] * len(motions)
     groups: dict[tuple[int, int], list[int]] = {}
-    with ctx.workprec(PRECISION), suppress(DynamicsError):
+    with ctx.workprec(REDUCTION_BITS), suppress(DynamicsError):
         loops = [make_loop(body, potential, motion) for motion in motions]
         for k, (loop, motion) in enumerate(zip(loops, motions, strict=True)):
             groups.setdefault((loop.g1_sign, start_g3_sign(loop, motion)), []).append(k)
-        for (_, g3_sign), places in groups.items() if potential.has_formula else ():
-            for k, half in zip(places, see_together([loops[k] for k in places], g3_sign), strict=True):
-                seen[k] = None if half is None else _Loop(loops[k], half)
+        for (_, g3_sign), indices in groups.items() if potential.has_formula else ():
+            for k, half in zip(indices, halves_in_doubles([loops[k] for k in indices], g3_sign), strict=True):
+                in_doubles[k] = None if half is None else _Loop(loops[k], half)
     found: list[tuple[Window, ...] | DynamicsError] = []
-    for motion, known in zip(motions, seen, strict=True):
+    for motion, known in zip(motions, in_doubles, strict=True):
         try:
-            found.append(_all_windows(body, potential, motion, PRECISION, known))
+            found.append(_all_windows(body, potential, motion, REDUCTION_BITS, known))
         except DynamicsError as refusal:
             found.append(refusal.with_traceback(None))
     return found
@@ -289,7 +289,7 @@ class _Loop:
     """A loop, and what doubles say of the half that is asked."""
 
     loop: Loop
-    seen: HalfInDoubles
+    in_doubles: HalfInDoubles
 
 
 def _all_windows(
@@ -300,16 +300,16 @@ def _all_windows(
             loop = make_loop(body, potential, motion) if known is None else known.loop
             g3_sign = start_g3_sign(loop, motion)
             # With fewer bits two zeros that are merely close look like a double one.
-            is_last = precision >= CONFIRMED
+            is_last = precision >= CONFIRMATION_BITS
             arcs = arcs_of(loop, g3_sign, _resolved_half if is_last else _proved_by(g3_sign, known))
             if is_last or not any("double" in (arc.lower_end, arc.upper_end) for arc in arcs):
                 return windows_of(arcs, g3_sign, potential)
-        precision, known = CONFIRMED, None
+        precision, known = CONFIRMATION_BITS, None
 
 
 def _proved_by(asked: int, known: _Loop | None) -> Callable[[Loop, int], HalfLoop]:
     """Return what proves the halves of a loop; of the half that is ``asked`` there may be something known."""
-    return lambda loop, sign: proved_half(loop, sign, known.seen if known and sign == asked else None)
+    return lambda loop, sign: proved_half(loop, sign, known.in_doubles if known and sign == asked else None)
 
 
 def _resolved_half(loop: Loop, g3_sign: int) -> HalfLoop:

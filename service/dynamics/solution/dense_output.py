@@ -7,6 +7,7 @@ reducing a time by n periods costs no digits for any n up to 2^53. A column such
 as an angle may grow by a fixed advance per period, kept in the same way.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -20,8 +21,12 @@ from service.dynamics.errors import DynamicsError
 FloatArray = NDArray[np.float64]
 
 EPSILON = float(np.finfo(np.float64).eps)
+UNIT_ROUNDOFF = 0.5 * EPSILON
+"""Relative error of one rounding, 2^-53."""
+TURN, TURN_LOW = 2.0 * math.pi, 2.4492935982947064e-16
+"""2π in two doubles."""
 _SPLIT = 134217729.0  # 2^27 + 1: Veltkamp's constant for doubles
-_BLOCK = 2048  # times whose sums stay in the cache
+_TIMES_TOGETHER = 2048  # times whose sums stay in the cache
 
 
 class OutsideHorizonError(DynamicsError):
@@ -230,8 +235,8 @@ def _clenshaw(coefficients: FloatArray, piece: NDArray[np.intp], x: FloatArray) 
     """
     values = np.empty((len(x), coefficients.shape[2]))
     by_degree = np.ascontiguousarray(coefficients.swapaxes(0, 1))
-    for start in range(0, len(x), _BLOCK):
-        block = slice(start, start + _BLOCK)
+    for start in range(0, len(x), _TIMES_TOGETHER):
+        block = slice(start, start + _TIMES_TOGETHER)
         _clenshaw_block(by_degree, piece[block], x[block], values[block])
     return values
 

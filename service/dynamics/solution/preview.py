@@ -24,15 +24,15 @@ from service.dynamics.solution.dense_output import DenseOutput, split_time
 
 FloatArray = NDArray[np.float64]
 
-PIXEL = 1e-3
+PIXEL_SHARE = 1e-3
 """Share of the range of a column: a pixel of a picture that is 1000 high."""
-_NODES = 16
+_BEND_POINTS = 16
 """Places in a piece at which f'' is evaluated for the choice of times."""
-_CHECKS = 16
+_CHECKS_PER_STRETCH = 16
 """Stretches of the distance between two times, at whose ends the difference is evaluated."""
-_MOST_CHECKS = 400_000
+_MAX_CHECKS = 400_000
 """Beyond it, at thousands of periods, nothing is told: no preview follows these."""
-_EVEN = 0.05
+_EVEN_SHARE = 0.05
 """This share of the times is spread evenly, so that no stretch is without any."""
 
 
@@ -54,7 +54,7 @@ def bend_of(dense: DenseOutput) -> Bend:
     second = np.asarray(chebyshev.chebder(series, 2), dtype=np.float64)
     # x = 2 (t − middle)/length.
     scale = (2.0 / np.diff(dense.breaks)) ** 2
-    middles = (np.arange(_NODES) + 0.5) * (2.0 / _NODES) - 1.0
+    middles = (np.arange(_BEND_POINTS) + 0.5) * (2.0 / _BEND_POINTS) - 1.0
     values = np.einsum("nk,kpc->pnc", chebyshev.chebvander(middles, len(second) - 1), second)
     return Bend(values * scale[:, None, None], np.abs(second).sum(axis=0) * scale[:, None])
 
@@ -67,9 +67,9 @@ def preview_times(dense: DenseOutput, start: float, stop: float, count: int) -> 
     if not drawn.any() or not start < stop:
         return np.linspace(start, stop, count)
     bent = np.sqrt((np.abs(bend_of(dense).at_nodes[:, :, drawn]) / ranges[drawn]).max(axis=2))
-    steps = np.repeat(np.diff(dense.breaks)[:, None] / _NODES, _NODES, axis=1).ravel()
+    steps = np.repeat(np.diff(dense.breaks)[:, None] / _BEND_POINTS, _BEND_POINTS, axis=1).ravel()
     weights = bent.ravel()
-    weights = weights + _EVEN * float((weights * steps).sum() / steps.sum()) + np.finfo(np.float64).tiny
+    weights = weights + _EVEN_SHARE * float((weights * steps).sum() / steps.sum()) + np.finfo(np.float64).tiny
     ends = np.concatenate([[dense.breaks[0]], dense.breaks[0] + np.cumsum(steps)])
     ends[-1] = dense.breaks[-1]
     grown = np.concatenate([[0.0], np.cumsum(weights * steps)])
@@ -116,7 +116,7 @@ def deviation(
     breaks = _breaks_between(dense, float(times[0]), float(times[-1]))
     if breaks is None:
         return 1.0
-    fractions = np.arange(_CHECKS) / _CHECKS
+    fractions = np.arange(_CHECKS_PER_STRETCH) / _CHECKS_PER_STRETCH
     spread = times[:-1, None] + np.diff(times)[:, None] * fractions
     checks = np.unique(np.concatenate([spread.ravel(), times, breaks]))
     if len(checks) < 2:
@@ -155,7 +155,7 @@ def _breaks_between(dense: DenseOutput, start: float, stop: float) -> FloatArray
     if dense.period is None:
         return inner
     first, last = math.floor(start / dense.period.hi), math.floor(stop / dense.period.hi)
-    if (last - first + 1) * len(dense.breaks) > _MOST_CHECKS:
+    if (last - first + 1) * len(dense.breaks) > _MAX_CHECKS:
         return None
     turns = np.arange(first, last + 1, dtype=np.float64)
     every = (turns[:, None] * dense.period.hi + dense.breaks[None, :-1]).ravel()

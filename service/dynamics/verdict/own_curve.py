@@ -52,11 +52,13 @@ from service.dynamics.verdict.sphere.boxes import DomainIntervals, bounds_of
 from service.dynamics.verdict.sphere.pieces import Crossing, TooManyPiecesError, combinations, crossings_of
 from service.dynamics.verdict.sphere.switches import Signs, Switches, find_switches
 
+FloatArray = NDArray[np.float64]
+
 Axes = tuple[arb, arb, arb]
 
-PARTS = 16
+CELLS_PER_QUARTER = 16
 """Cells of a quarter of the loop to begin with."""
-SLIVER = 2.0**-80
+SLIVER_WIDTH = 2.0**-80
 """An arc may end beside a multiple of π/2 as close as this: the cell on the other side has that end in it."""
 
 
@@ -105,14 +107,17 @@ def cells_of(arc: Arc) -> Iterator[Cell]:
         low, high = quarter * number, quarter * (number + 1)
         starts_inside, ends_inside = arc.lower > low, arc.upper < high
         lower, upper = (arc.lower if starts_inside else low), (arc.upper if ends_inside else high)
-        if not upper - lower > SLIVER:
+        if not upper - lower > SLIVER_WIDTH:
             continue
-        places = [lower + (upper - lower) * ball(Fraction(k, PARTS)) for k in range(1, PARTS)]
+        places = [
+            lower + (upper - lower) * ball(Fraction(k, CELLS_PER_QUARTER))
+            for k in range(1, CELLS_PER_QUARTER)
+        ]
         first = place_on(arc.loop, lower) if starts_inside else _corner(arc.loop, number)
         last = place_on(arc.loop, upper) if ends_inside else _corner(arc.loop, number + 1)
         points = [first, *(place_on(arc.loop, v) for v in places), last]
         edges = [lower, *places, upper]
-        for k in range(PARTS):
+        for k in range(CELLS_PER_QUARTER):
             yield Cell(arc.loop, edges[k], edges[k + 1], points[k], points[k + 1])
 
 
@@ -185,10 +190,8 @@ def _raised(ring: Ring, element: Element) -> Element:
     return ring.polynomial(numerator)
 
 
-FloatArray = NDArray[np.float64]
-
-MOST_HALVINGS = 24
-MOST_CELLS = 400
+MAX_HALVINGS = 24
+MAX_CELLS = 400
 PRECISIONS = (192, 1024)
 """Bits of the enclosures of L(V) on the curve, by which a motion is refuted."""
 POINTS_PER_CELL = 8
@@ -276,10 +279,10 @@ def _pieces_on(
     """Return the pieces that the cells meet or may meet, and the kinks that they may cross."""
     met: set[tuple[Octant, Signs]] = set()
     crossings: set[Crossing] = set()
-    for halving in range(MOST_HALVINGS + 1):
+    for halving in range(MAX_HALVINGS + 1):
         if is_late():
             raise TooManyPiecesError("the time for a verdict is over")
-        is_last = halving == MOST_HALVINGS or 2 * len(cells) > MOST_CELLS
+        is_last = halving == MAX_HALVINGS or 2 * len(cells) > MAX_CELLS
         left: list[Cell] = []
         for cell, pattern in zip(cells, _patterns(switches, cells), strict=True):
             if 0 not in pattern:

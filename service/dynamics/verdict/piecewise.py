@@ -21,7 +21,7 @@ from service.dynamics.verdict.sphere.pieces import Crossing, SpherePieces, TooMa
 from service.dynamics.verdict.sphere.points import Point
 from service.dynamics.verdict.sphere.switches import Switches, find_switches
 
-BITS = (128, 1024)
+PIECE_PRECISIONS = (128, 1024)
 """Precisions of the enclosures at the points of every piece, in turn."""
 
 
@@ -137,7 +137,7 @@ def is_edge(switches: Switches, crossing: Crossing) -> bool:
 def _refuting(
     body: RigidBody, tape: Tape, points: Sequence[Point], is_late: Callable[[], bool]
 ) -> Counterexample | None:
-    for bits in BITS:
+    for bits in PIECE_PRECISIONS:
         if is_late():
             return None
         found = survey(body, tape, points, bits=bits).counterexample

@@ -41,19 +41,19 @@ from service.dynamics.verdict.sphere.switches import normalise
 
 SIMPLER_POTENTIAL = "simpler_potential"
 """The code of the warning."""
-WORK = MAX_WORK // 10
+MAX_SEARCH_PRODUCTS = MAX_WORK // 10
 """Products of terms that one search may take: some tenths of a second."""
-NOISE = 2.0**8
+MAX_LOST_ROUNDINGS = 2.0**8
 """Roundings of the largest value that a formula may lose at a place, before a simpler one is looked for."""
-NARROWER = 3.0
+NARROWER_BITS = 3.0
 """Bits by which intervals of a simpler formula are narrower in the mean, if it has as many functions."""
-BETTER = 0.5
+BETTER_BITS = 0.5
 """Bits that a longer formula gains beside a shorter one, or any where a sum is a number on the sphere."""
-MOST_BITS, FAR = 8.0, 12.0
+MAX_POINT_BITS, UNBOUNDED_BITS = 8.0, 12.0
 """Bits that one place counts at most, and those that it counts where one of the formulas has no bound at all:
 few more, since 1/(1 − g2²) has none next to the pole, where it is written otherwise anyway."""
-_BITS = 53
-_WIDTH = arb(0, arb(2) ** -20)
+_DOUBLE_BITS = 53
+_INTERVAL = arb(0, arb(2) ** -20)
 _PLACES = (
     ((2, 7), (6, 7)),
     ((-6, 7), (-3, 7)),
@@ -113,24 +113,24 @@ def _simpler(tape: Tape) -> Tree | None:
     for read in dict.fromkeys((normalise(tape), tape)):
         with suppress(NoProofError, UndefinedInOctantError):
             texts |= dict.fromkeys(_texts(read))
-    widths = [_bits_of(value) for value in _values(tape, _WIDTH)]
-    needed = BETTER if _has_constant_sum(tape) else NARROWER
+    widths = [_bits_of(value) for value in _values(tape, _INTERVAL)]
+    needed = BETTER_BITS if _has_constant_sum(tape) else NARROWER_BITS
     best, least = None, 0.0
     for text in texts:
         with suppress(FormulaError):
             tree = parse(text)
             simple = compile_tape(tree)
             gain = _gain(simple, tape, widths, needed)
-            if gain > least + BETTER * (best is not None):
+            if gain > least + BETTER_BITS * (best is not None):
                 best, least = (tree, simple), gain
-    if best is None or not same_on_sphere(tape, best[1], Work(MAX_WORK - WORK)):
+    if best is None or not same_on_sphere(tape, best[1], Work(MAX_WORK - MAX_SEARCH_PRODUCTS)):
         return None
     return best[0]
 
 
 def _texts(tape: Tape) -> Iterator[str]:
     """Yield formulas of a formula's normal form, the shortest first."""
-    rings, elements, dependent = _read(tape, Work(MAX_WORK - WORK))
+    rings, elements, dependent = _read(tape, Work(MAX_WORK - MAX_SEARCH_PRODUCTS))
     for divisors, without in product((False, True), (None, 1, 0, 2)):
         with suppress(NoProofError, NoTextError):
             yield ElementText(rings, dependent, divisors=divisors, without=without).of(elements)
@@ -181,7 +181,8 @@ def _may_hide(tape: Tape) -> bool:
     sizes = sorted(float(abs(value).upper()) for value in values)
     usual = sizes[len(sizes) // 2]
     return not all(
-        float(value.rad()) <= NOISE * 2.0**-_BITS * max(usual, float(abs(value).lower())) for value in values
+        float(value.rad()) <= MAX_LOST_ROUNDINGS * 2.0**-_DOUBLE_BITS * max(usual, float(abs(value).lower()))
+        for value in values
     )
 
 
@@ -203,10 +204,12 @@ def _gain(simple: Tape, tape: Tape, widths: Sequence[float], needed: float) -> f
     Fewer functions are enough where intervals are not twice as wide.
     """
     ratios = [
-        0.0 if inf == one == other else max(-FAR, min(other - one, FAR))
-        for one, other in zip(map(_bits_of, _values(simple, _WIDTH)), widths, strict=True)
+        0.0 if inf == one == other else max(-UNBOUNDED_BITS, min(other - one, UNBOUNDED_BITS))
+        for one, other in zip(map(_bits_of, _values(simple, _INTERVAL)), widths, strict=True)
     ]
-    gain = sum(r if abs(r) == FAR else max(-MOST_BITS, min(r, MOST_BITS)) for r in ratios) / len(ratios)
+    gain = sum(
+        r if abs(r) == UNBOUNDED_BITS else max(-MAX_POINT_BITS, min(r, MAX_POINT_BITS)) for r in ratios
+    ) / len(ratios)
     has_fewer = _functions(simple) < _functions(tape) and gain > -1.0
     return 2.0 + gain if has_fewer else gain if gain > needed else 0.0
 
@@ -235,7 +238,7 @@ def _functions(tape: Tape) -> int:
 def _values(tape: Tape, width: arb) -> list[arb]:
     """Return balls of a formula all over the sphere, each coordinate being so wide against itself."""
     found = list[arb]()
-    with ctx.workprec(_BITS):
+    with ctx.workprec(_DOUBLE_BITS):
         for first, third in _PLACES:
             g1, g3 = arb(fmpq(*first)), arb(fmpq(*third))
             rest = 1 - g1 * g1 - g3 * g3

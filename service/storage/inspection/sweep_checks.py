@@ -107,11 +107,11 @@ def invariants_of_sweeps() -> Iterator[Invariant]:
     remedy = Remedy("it is recounted, and missing points are queued", repair_sweeps)
     pieces = _pieces()
     before = func.lag(pieces.c.end).over(partition_by=pieces.c.sweep_id, order_by=pieces.c.first)
-    places = select(pieces.c.sweep_id, pieces.c.first, func.coalesce(before, 0).label("before")).subquery()
+    starts = select(pieces.c.sweep_id, pieces.c.first, func.coalesce(before, 0).label("before")).subquery()
     yield Invariant(
         "sweep_overlaps",
         "no point of a sweep is in two chunks, stored or to be computed",
-        select(places.c.sweep_id).where(places.c.first < places.c.before).distinct(),
+        select(starts.c.sweep_id).where(starts.c.first < starts.c.before).distinct(),
     )
     # The chunks of a cancelled sweep are cancelled with it.
     is_whole = SweepRow.state != JobState.CANCELLED.value
@@ -119,8 +119,8 @@ def invariants_of_sweeps() -> Iterator[Invariant]:
         "sweep_gaps",
         "no point of a sweep is forgotten between its chunks, stored or to be computed",
         select(SweepRow.id)
-        .join(places, places.c.sweep_id == SweepRow.id)
-        .where(is_whole, places.c.first > places.c.before)
+        .join(starts, starts.c.sweep_id == SweepRow.id)
+        .where(is_whole, starts.c.first > starts.c.before)
         .distinct(),
         remedy,
     )

@@ -3,7 +3,7 @@
 Every write of such a row sets ``changed_at`` by the database's clock. A transaction is
 seen only when it is committed, which may be later than a change that was written
 after it: whoever reads what is new looks back by ``SETTLED_SECONDS``, and passes
-over what it has told already.
+over what it has reported already.
 """
 
 from collections.abc import Collection, Mapping, Sequence

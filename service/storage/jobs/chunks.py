@@ -64,8 +64,8 @@ def begin(connection: Connection, sweep_id: str, worker: str) -> Begun:
 
 
 def _kernels_of(connection: Connection, worker: str) -> Kernels | None:
-    told = connection.scalar(select(_WORKERS.c.kernels).where(_WORKERS.c.name == worker))
-    return None if told is None else Kernels.read(told)
+    stored = connection.scalar(select(_WORKERS.c.kernels).where(_WORKERS.c.name == worker))
+    return None if stored is None else Kernels.read(stored)
 
 
 def queue_chunks(

@@ -51,8 +51,8 @@ def stored_solutions(connection: Connection, solution_ids: Sequence[str]) -> dic
 _JOBS, _EXAMINATIONS, _AUDITS = table_of(JobRow), table_of(ExaminationRow), table_of(AuditRow)
 
 
-def _kept(name: str) -> ColumnElement[object]:
-    """Return a column of the kept windows that a job names, null if this version has found none."""
+def _cached(name: str) -> ColumnElement[object]:
+    """Return a column of the cached windows that a job names, null if this version has found none."""
     found = select(_EXAMINATIONS.c[name]).where(
         _EXAMINATIONS.c.key == _JOBS.c.examination, _EXAMINATIONS.c.version == bindparam("examined_by")
     )
@@ -90,8 +90,8 @@ _CLAIM = (
         _JOBS.c.key_id,
         _JOBS.c.sweep_id,
         _JOBS.c.started_at,
-        _kept("content"),
-        _kept("seal"),
+        _cached("content"),
+        _cached("seal"),
         _JOBS.c.examination,
         _JOBS.c.examined_seconds,
         select(_AUDITS.c.solution_id)
@@ -185,7 +185,7 @@ def _claim(
         solutions = solved(connection, sorted({row.digest for row in rows}), hold=True)
     audited = {row.audited for row in rows if row.audited is not None}
     stored = stored_solutions(connection, sorted(audited)) if audited else {}
-    places = {job_id: place for place, job_id in enumerate(ids)}
+    order = {job_id: index for index, job_id in enumerate(ids)}
     begun = {
         row.sweep_id: chunks.begin(connection, row.sweep_id, worker)
         for row in rows
@@ -209,7 +209,7 @@ def _claim(
             examined_seconds=row.examined_seconds,
             alone=row.alone,
         )
-        for row in sorted(rows, key=lambda row: places[row.id])
+        for row in sorted(rows, key=lambda row: order[row.id])
     ]
     return claims, solutions
 

@@ -32,7 +32,7 @@ from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED, Marks
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, is_id
-from service.storage.examinations import keep_rows
+from service.storage.examinations import store_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
 from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_atlas
@@ -100,7 +100,7 @@ class SqlJobStore:
     ) -> tuple[Job, ...]:
         """Store a job for each problem and its digest, all of them or none, and the answer of a receipt."""
         with self._database.write() as session:
-            keep_rows(session.connection(), found)
+            store_rows(session.connection(), found)
             rows = insert_jobs(
                 session,
                 problems,
@@ -183,8 +183,8 @@ class SqlJobStore:
     def heartbeat(self, claim: Claim, *, lease_seconds: float) -> bool:
         """Prolong the lease, if the claim still holds."""
         # A lease is nothing that clients see: nobody is told of a change.
-        kept = {"lease_until": DatabaseNow() + lease_seconds, "changed_at": JobRow.changed_at}
-        statement = update(JobRow).where(*fence(claim)).values(**kept)
+        values = {"lease_until": DatabaseNow() + lease_seconds, "changed_at": JobRow.changed_at}
+        statement = update(JobRow).where(*fence(claim)).values(**values)
         with self._database.write() as session:
             return session.scalar(statement.returning(JobRow.id)) is not None
 

@@ -22,7 +22,7 @@ from service.verdicts.cache_rows import Examination
 _JOBS = table_of(JobRow)
 _TAKEN = JobState.RUNNING, JobState.SUCCEEDED, JobState.FAILED
 _HELD = JobState.QUEUED, *_TAKEN
-"""States in which a job's turn counts for its key. A cancelled job's does not: its place is free again."""
+"""States in which a job's turn counts for its key. A cancelled job's does not: its turn is free again."""
 _IN_LANE = _JOBS.c.lane == bindparam("lane"), _JOBS.c.priority == bindparam("priority")
 
 

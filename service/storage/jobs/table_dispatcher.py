@@ -83,12 +83,12 @@ class Chosen:
 
     def choose(self, count: int, owed: Sequence[Lane], together: int) -> None:
         """Lock first a job of each lane that is owed one, then the head of the queue."""
-        places = sum(self._add(1, 1, lane, together) for lane in owed[:count])
-        if places < count:
-            self._add(count - places, count, None, together)
+        chosen = sum(self._add(1, 1, lane, together) for lane in owed[:count])
+        if chosen < count:
+            self._add(count - chosen, count, None, together)
 
     def _add(self, number: int, among: int, lane: Lane | None, together: int) -> bool:
-        """Choose ``number`` jobs, or batches of problems in their place; say whether there is any."""
+        """Choose ``number`` jobs, or batches of problems instead of single ones; say whether there is any."""
         given: dict[str, object] = {"count": among} if lane is None else {"count": among, "lane": int(lane)}
         which = Which(of_lane=lane is not None)
         # The statements find the rows that this transaction has locked already once more.

@@ -12,7 +12,7 @@ from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.marks import UNMARKED
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
-from service.storage.examinations import keep_rows
+from service.storage.examinations import store_rows
 from service.storage.jobs.records import delivery_of, job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
@@ -74,7 +74,7 @@ class AuditStore:
             held = select(SolutionRow.id).where(SolutionRow.id == solution_id)
             if session.scalar(held.with_for_update(read=True, key_share=True)) is None:
                 raise SolutionNotFoundError(solution_id)
-            keep_rows(session.connection(), found)
+            store_rows(session.connection(), found)
             (row,) = insert_jobs(
                 session,
                 [(problem, digest)],

@@ -272,13 +272,13 @@ def chunk_runs(session: Session, sweep_ids: Collection[str], since: float) -> di
     return runs
 
 
-def _points(session: Session, places: Collection[tuple[str, int]]) -> dict[tuple[str, int], int]:
-    """Return the number of points of the chunks that begin at ``places``, by sweep and first point."""
-    if not places:
+def _points(session: Session, starts: Collection[tuple[str, int]]) -> dict[tuple[str, int], int]:
+    """Return the number of points of the chunks that begin at ``starts``, by sweep and first point."""
+    if not starts:
         return {}
     statement = select(SweepChunkRow.sweep_id, SweepChunkRow.first, SweepChunkRow.count).where(
-        SweepChunkRow.sweep_id.in_({sweep_id for sweep_id, _ in places}),
-        SweepChunkRow.first.in_({first for _, first in places}),
+        SweepChunkRow.sweep_id.in_({sweep_id for sweep_id, _ in starts}),
+        SweepChunkRow.first.in_({first for _, first in starts}),
     )
     return {(sweep_id, first): count for sweep_id, first, count in session.execute(statement)}
 

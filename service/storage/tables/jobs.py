@@ -78,7 +78,7 @@ class JobRow(Base):
     problem: Mapped[Document]
     """The problem document; for a chunk {"first": index, "count": points}."""
     examination: Mapped[str | None]
-    """Key of the kept windows of its curve; not a foreign key, so that these can be trimmed."""
+    """Key of the cached windows of its curve; not a foreign key, so that these can be trimmed."""
     examined_seconds: Mapped[float | None]
     """Seconds that its examination took; null without one."""
     facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)

@@ -1,4 +1,4 @@
-"""The tables of labels: one for each kind of thing that has labels."""
+"""The tables of labels: one for each kind of resource that has labels."""
 
 from collections.abc import Mapping
 

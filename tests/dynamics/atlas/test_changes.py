@@ -130,7 +130,7 @@ AT_ONCE = 40
 """λ whose places are evaluated together: some megabytes."""
 
 
-def seen(A, C, potential, lambdas):
+def windows_at(A, C, potential, lambdas):
     """Return for each λ how often D changes its sign along the half curve, by values only."""
     alpha, lambdas = A / C, np.asarray(lambdas)
     # |g1| is x^max(α, 1) and |g3| = λ|g1|^(1/α): the equator is where their squares add up to 1.
@@ -170,11 +170,11 @@ def test_no_change_is_missed_or_invented(A, C, given):
         low, high = float(part.lower), float(part.upper)
         inner = np.geomspace(low, high, examples(12, SCAN // len(atlas.parts)) + 2)[1:-1]
         away = inner[(inner > low * 1.0005) & (inner < high / 1.0005)]
-        counts = set(seen(A, C, potential, away))
+        counts = set(windows_at(A, C, potential, away))
         assert len(counts) <= 1, (low, high, counts)
     for change in atlas.changes:
         value = float(change.lower)
-        before, after = seen(A, C, potential, [value / 1.002, value * 1.002])
+        before, after = windows_at(A, C, potential, [value / 1.002, value * 1.002])
         assert before != after or change.kind == "end_crosses_equator", (value, change.kind)
 
 

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from service.dynamics.bounds import is_within
 from service.dynamics.defect.accumulation import Blocks, accumulate
 from service.dynamics.defect.equations import Equations
-from service.dynamics.defect.evidence import hold_against_equations, hold_samples
+from service.dynamics.defect.evidence import check_residual, check_samples
 from service.dynamics.defect.stretches import Cutter
 from service.dynamics.equations.euler_poisson import energy_integral, euler_poisson_rhs
 from service.dynamics.motion import COLUMNS, Estimate
@@ -37,7 +37,7 @@ def shown(motion, text="-g1", dense=None, claim=None, **changes):
     dense = motion.dense if dense is None else dense
     claim = dense.error if claim is None else claim
     arguments = {"is_planar": True, **changes}
-    return hold_against_equations(BODY, formula(text), dense, claim, motion.energy, **arguments)
+    return check_residual(BODY, formula(text), dense, claim, motion.energy, **arguments)
 
 
 def planted(dense, piece, degree, size, column=3):
@@ -141,9 +141,9 @@ def test_a_not_finite_function_of_time_shows_no_claim(motion):
 
 def test_samples_off_the_energy_raise_their_claim(motion):
     samples = motion.dense(np.linspace(0.0, 6.0, 50))
-    assert hold_samples(BODY, formula("-g1"), samples, 1e-14, motion.energy) == 1e-14
+    assert check_samples(BODY, formula("-g1"), samples, 1e-14, motion.energy) == 1e-14
     samples[17, 0] += 1e-8
-    assert hold_samples(BODY, formula("-g1"), samples, 1e-14, motion.energy) > 1e-10
+    assert check_samples(BODY, formula("-g1"), samples, 1e-14, motion.energy) > 1e-10
 
 
 @pytest.mark.parametrize("value", [nan, inf])
@@ -162,7 +162,7 @@ def test_no_bound_lets_what_is_not_finite_pass(motion, value):
         samples = motion.dense(np.linspace(0.0, 6.0, 5))
         samples[3, column] = value
         for text in ("-g1", "-g1 + 0*g2"):
-            assert not is_within(hold_samples(BODY, formula(text), samples, 1e-14, energy), 1.0)
+            assert not is_within(check_samples(BODY, formula(text), samples, 1e-14, energy), 1.0)
 
 
 @np.errstate(all="ignore")
@@ -172,7 +172,7 @@ def held(text, state, off, claim=1e-9):
     areas = equations_of(text).at(samples)[1][0]
     samples[0, 1] = -areas[1] / (1.5 * state[4])
     energy = float(equations_of(text).at(samples)[1][0, 0])
-    return hold_samples(BODY, formula(text), samples, claim, Estimate(energy + off, 0.0))
+    return check_samples(BODY, formula(text), samples, claim, Estimate(energy + off, 0.0))
 
 
 def equations_of(text):

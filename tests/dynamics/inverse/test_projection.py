@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from service.dynamics.errors import EqualMomentsError
 from service.dynamics.inverse.polynomials import as_polynomial, degree, on_sphere, product
 from service.dynamics.inverse.projection import (
-    MORE_DEGREES,
+    EXCESS_DEGREES,
     mean_of_monomial,
     mean_product,
     nearest_admissible,
@@ -106,7 +106,7 @@ def test_what_is_left_is_orthogonal_to_all_that_is_admissible(alpha, coefficient
 @given(st.sampled_from(ALPHAS), polynomials)
 def test_the_distance_never_grows_with_the_degree(alpha, coefficients):
     found = nearest(alpha, text_of(coefficients))
-    highest = degree(polynomial_of(text_of(coefficients))) + MORE_DEGREES
+    highest = degree(polynomial_of(text_of(coefficients))) + EXCESS_DEGREES
     assert len(found.distances) == found.space.degree + 1 == highest + 1
     assert all(1 >= lower >= higher >= 0 for lower, higher in pairwise(found.distances))
     half = highest // 2

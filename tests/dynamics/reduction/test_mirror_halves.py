@@ -10,7 +10,7 @@ from service.dynamics.reduction import arcs_of_loop
 from service.dynamics.reduction.arcs_of_loop import is_even
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.structure import proved_half
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 from tests.support.admissible import sampled_cases
 from tests.support.planar import body, formula
 
@@ -35,7 +35,7 @@ def balls(half):
 def test_the_mirror_image_is_the_other_half_to_the_last_bit(moments, text, lambda_, g3_sign):
     rigid_body = body(*moments)
     potential = formula(text, rigid_body)
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         loop = make_loop(rigid_body, potential, PlanarMotion(lambda_))
         assert is_even(loop)
         half = proved_half(loop, g3_sign)
@@ -51,7 +51,7 @@ def scan_of_nothing(*given):
 def test_a_formula_that_is_not_even_has_two_different_halves():
     rigid_body = body(2, 1)
     potential = formula("-g1 + (2*g1^2+g3^2)*g3*0 + g1*g3/1000000", rigid_body)
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         loop = make_loop(rigid_body, potential, PlanarMotion(Fraction(1)))
         half = proved_half(loop, 1)
         with pytest.raises(AssertionError, match="looked at again"):

@@ -8,7 +8,7 @@ from flint import ctx
 
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
 from service.dynamics.reduction.start import StartOutsideWindowError, starting_point
-from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
+from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from tests.support.planar import body, formula
 
 NORTH_ONLY = "(3*g1^2+g3^2)*(g2-0.5)*(g2-0.7)"
@@ -18,7 +18,7 @@ NORTH_ONLY = "(3*g1^2+g3^2)*(g2-0.5)*(g2-0.7)"
 def start(text: str, A: int, C: int, **asked: object):
     rigid_body = body(A, C)
     motion = PlanarMotion(Fraction(1), **asked)
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         window = choose_window(find_windows(rigid_body, formula(text, rigid_body), motion), motion)
         found = starting_point(window, motion)
         sine, cosine = found.v.sin_cos()

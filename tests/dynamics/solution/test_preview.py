@@ -13,7 +13,7 @@ from service.dynamics.solution.dense_output import (
     chebyshev_coefficients,
     chebyshev_points,
 )
-from service.dynamics.solution.preview import PIXEL, deviation, preview_times
+from service.dynamics.solution.preview import PIXEL_SHARE, deviation, preview_times
 
 ERROR = 1e-12
 
@@ -88,7 +88,7 @@ def test_the_told_deviation_is_a_bound_and_hardly_more(dense, start, stop, count
 )
 def test_two_hundred_points_are_less_than_a_pixel_off(dense, start, stop):
     times = preview_times(dense, start, stop, 200)
-    assert told(dense, times) < PIXEL
+    assert told(dense, times) < PIXEL_SHARE
 
 
 def test_points_are_where_the_curve_is_bent():

@@ -10,7 +10,7 @@ from service.dynamics.equations.compatibility import residual_ball
 from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.start import starting_point
-from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
+from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from service.dynamics.verdict.own_curve import (
     InadmissibleMotionError,
     UndecidedMotionError,
@@ -36,7 +36,7 @@ def arc_of(text, motion=NU_1, on=None):
 
 def require(text, motion=NU_1, on=None):
     on = on or body(2)
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         V, arc = arc_of(text, motion, on)
         require_proof_on_arc(on, V, motion, arc, lambda: False)
 
@@ -95,7 +95,7 @@ def test_a_bump_on_the_curve_refutes_with_a_point_of_it():
     ],
 )
 def test_the_cells_cover_the_arc_and_hold_what_is_in_them(text, motion, on):
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         _, arc = arc_of(text, motion, on)
         cells = list(cells_of(arc))
         assert cells[0].lower.overlaps(arc.lower)
@@ -124,7 +124,7 @@ def test_a_kink_that_the_curve_crosses_is_not_passed_over():
 
 
 def test_when_it_is_late_nothing_is_proved():
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         V, arc = arc_of("-g1")
         with pytest.raises(UndecidedMotionError):
             require_proof_on_arc(body(2), V, NU_1, arc, lambda: True)

@@ -203,9 +203,9 @@ def test_a_change_of_one_module_changes_the_address_of_what_depends_on_it_only(t
 def test_a_frozen_value_is_part_of_the_address(monkeypatch):
     module = importlib.import_module(f"{PACKAGE}.shown.stretches")
     # It comes from a module that has no kernels, whose source is no part of the address.
-    assert "INTERVALS" in vars(module)
+    assert "DEFAULT_INTERVALS" in vars(module)
     before = stamp.__wrapped__(module.__name__)
-    monkeypatch.setattr(module, "INTERVALS", module.INTERVALS + 1)
+    monkeypatch.setattr(module, "DEFAULT_INTERVALS", module.DEFAULT_INTERVALS + 1)
     assert stamp.__wrapped__(module.__name__) != before
 
 

@@ -179,9 +179,9 @@ def test_windows_are_handed_on_for_the_very_objects_alone(forgetful):
     assert found_windows.find_windows(problem.body, problem.potential, problem.motion) is windows
     with pytest.raises(TypeError):
         found_windows.find_windows(equal.body, equal.potential, equal.motion)
-    for number in range(found_windows.KEPT):
+    for number in range(found_windows.ANSWERS_CACHED):
         other = PlanarMotion(Fraction(number + 1))
         found_windows.hand_on_windows(problem.body, problem.potential, other, windows)
-    assert len(found_windows._HANDED) == found_windows.KEPT
+    assert len(found_windows._HANDED) == found_windows.ANSWERS_CACHED
     with pytest.raises(TypeError):  # it would have to be found
         found_windows.find_windows(problem.body, problem.potential, problem.motion)

@@ -7,7 +7,7 @@ from flint import ctx
 
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.start import starting_point
-from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
+from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from tests.extremes.problems import SEPARATRIX
 from tests.support.planar import body, formula
 from workers.solvers.assembly.families import Place, periodic_place
@@ -29,7 +29,7 @@ NEAR = Fraction(round(SEPARATRIX * (1 + Fraction(1, 2**100)) * 2**164), 2**164)
 def test_a_place_is_somewhere_on_its_orbit(text, lambda_, kind):
     rigid_body, motion = body(2, 1), PlanarMotion(lambda_)
     windows = find_windows(rigid_body, formula(text, rigid_body), motion)
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         window = choose_window(windows, motion)
         place = periodic_place(Place(window, starting_point(window, motion)))
         said = place.somewhere()

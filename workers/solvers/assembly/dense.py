@@ -13,20 +13,20 @@ from service.dynamics.solution.dense_output import chebyshev_points, chebyshev_s
 
 FloatArray = NDArray[np.float64]
 
-DEGREE = 20
-FINEST = 1e14
+PIECE_DEGREE = 20
+MAX_RELATIVE_FINENESS = 1e14
 """Pieces to the scale of time where they are shortest: next to a pole passed without smoothness."""
 MAX_PIECES = 4000
 FIRST_PIECES = 8
 """Equal ones, that are halved where they must be."""
-ROUNDING = 4e-16
+VARIABLE_RELATIVE_ROUNDING = 4e-16
 """Rounding error of a variable, relative to its size, and of a time, relative to its scale."""
-BETWEEN = (-0.93, -0.31, 0.42, 0.87)
+CHECKED_POINTS = (-0.93, -0.31, 0.42, 0.87)
 """Places in a piece, none a node, where the series is compared with the motion."""
 
-NARROW = 0.5
+NARROW_FEATURE_SHARE = 0.5
 """A feature of less than this part of a piece may fall between its nodes, and is looked at on its own."""
-SEEN = 8.0
+FEATURE_DEPARTURE_TAILS = 8.0
 """Largest departure at a feature, in parts of what the tail of a resolved series may be."""
 
 
@@ -49,7 +49,7 @@ class ResolvedMotion:
     breaks: FloatArray
     """Shape (pieces + 1,)."""
     coefficients: FloatArray
-    """Shape (pieces, DEGREE + 1, 6)."""
+    """Shape (pieces, PIECE_DEGREE + 1, 6)."""
     departure: float
     """Largest departure from the motion that was seen between the nodes of any piece."""
     evaluations: int
@@ -88,7 +88,7 @@ def resolve_motion(
     scale: float,
     atol: float,
     features: Features | None = None,
-    finest: float = FINEST,
+    finest: float = MAX_RELATIVE_FINENESS,
 ) -> ResolvedMotion:
     """Return the six variables as functions of t over ``span``, which is cut at the ``passages`` too.
 
@@ -110,7 +110,7 @@ def resolve_motion(
         # One generation at a time: what is computed costs nearly the same for one piece as for many.
         narrow = [_narrow(features, *piece) for piece in waiting]
         states, between, others = _sampled(sample, waiting, narrow)
-        evaluations += len(waiting) * (DEGREE + 1 + len(BETWEEN)) + sum(len(x) for x in narrow)
+        evaluations += len(waiting) * (PIECE_DEGREE + 1 + len(CHECKED_POINTS)) + sum(len(x) for x in narrow)
         series = chebyshev_series(states)
         departures = np.abs(_between(series) - between)
         sizes = np.concatenate([states, between], axis=1)
@@ -124,7 +124,7 @@ def resolve_motion(
             apart = np.abs(np.polynomial.chebyshev.chebval(x, series[k]).T - others[k])
             looser = _allowed(np.concatenate([sizes[k], others[k]])[None], pieces[k : k + 1, None], atol)[0]
             is_resolved[k] = (np.abs(series[k, -2:]).max(axis=0) <= looser).all() and (
-                apart <= SEEN * looser
+                apart <= FEATURE_DEPARTURE_TAILS * looser
             ).all()
             largest_departures[k] = largest((float(largest_departures[k]), float(apart.max())))
         following: list[tuple[float, float]] = []
@@ -147,8 +147,8 @@ def resolve_motion(
 def _sampled(
     sample: Sampler, pieces: list[tuple[float, float]], narrow: list[FloatArray]
 ) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-    """Return the states of each piece at its nodes, at BETWEEN, and at its ``narrow`` features."""
-    nodes = np.concatenate([chebyshev_points(DEGREE), BETWEEN])
+    """Return the states of each piece at its nodes, at CHECKED_POINTS, and at its ``narrow`` features."""
+    nodes = np.concatenate([chebyshev_points(PIECE_DEGREE), CHECKED_POINTS])
     places = [np.concatenate([nodes, x]) if len(x) else nodes for x in narrow]
     times = [
         0.5 * (left + right) + 0.5 * (right - left) * x
@@ -156,12 +156,16 @@ def _sampled(
     ]
     values = np.split(sample(np.concatenate(times)), np.cumsum([len(x) for x in places])[:-1])
     states = np.stack([each[: len(nodes)] for each in values])
-    return states[:, : DEGREE + 1], states[:, DEGREE + 1 :], [each[len(nodes) :] for each in values]
+    return (
+        states[:, : PIECE_DEGREE + 1],
+        states[:, PIECE_DEGREE + 1 :],
+        [each[len(nodes) :] for each in values],
+    )
 
 
 def _between(series: FloatArray) -> FloatArray:
-    """Return the values at BETWEEN of series of shape (n, DEGREE + 1, 6), shape (n, len(BETWEEN), 6)."""
-    values = np.polynomial.chebyshev.chebval(np.array(BETWEEN), series.transpose(1, 0, 2))
+    """Return the values at CHECKED_POINTS, shape (n, len, 6), of series of shape (n, PIECE_DEGREE + 1, 6)."""
+    values = np.polynomial.chebyshev.chebval(np.array(CHECKED_POINTS), series.transpose(1, 0, 2))
     return np.asarray(values.transpose(0, 2, 1))
 
 
@@ -170,7 +174,7 @@ def _narrow(features: Features | None, left: float, right: float) -> FloatArray:
     if features is None:
         return np.zeros(0)
     times, widths = features
-    is_inside = (times > left) & (times < right) & (widths < NARROW * (right - left))
+    is_inside = (times > left) & (times < right) & (widths < NARROW_FEATURE_SHARE * (right - left))
     inside = times[is_inside]
     return ((inside - left) - (right - inside)) / (right - left)
 
@@ -197,6 +201,6 @@ def _allowed(states: FloatArray, pieces: FloatArray, atol: float) -> FloatArray:
     slope, here its range over the piece's share (1/``pieces``) of the scale.
     ``states`` have the shape (n, places, 6), ``pieces`` that of (n, 1).
     """
-    rounding = ROUNDING * (np.abs(states).max(axis=1) + pieces * np.ptp(states, axis=1))
+    rounding = VARIABLE_RELATIVE_ROUNDING * (np.abs(states).max(axis=1) + pieces * np.ptp(states, axis=1))
     allowed: FloatArray = atol + rounding
     return allowed

@@ -15,8 +15,8 @@ from service.dynamics.problem import Problem
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
 from workers.solvers.assembly.dense import (
-    FINEST,
     FIRST_PIECES,
+    MAX_RELATIVE_FINENESS,
     Features,
     ResolvedMotion,
     Sampler,
@@ -24,28 +24,28 @@ from workers.solvers.assembly.dense import (
     resolve_motion,
 )
 from workers.solvers.assembly.families import Declined, PeriodicPlace, conventions_of, energy_of, evidence_of
-from workers.solvers.evidence import shown_by, told, with_error_shown, with_samples_shown
+from workers.solvers.evidence import evidence_items, residual_evidence, with_error_raised, with_samples_raised
 from workers.solvers.orbits.orbit import Orbit
 
 FloatArray = NDArray[np.float64]
 
-FINEST_AT_JUMPS = 1e5
+MAX_FINENESS_AT_JUMPS = 1e5
 """Pieces to the period where p jumps for doubles."""
-DRAFTED = 0.01
+DRAFT_DEPARTURE_SHARE = 0.01
 """Share of a draft's tolerance that its function of time may depart between the samples."""
-LEFT_OUT = 4.0
+TRUNCATION_TAILS = 4.0
 """Tails to which what the series of a draft leave out may add up: twice the sum of all coefficients
 that follow, which fall by a third or more. Departures are seen at few places, and a draft can afford it."""
-GROWN = 2.0
+DRAFT_DEFECT_FACTOR = 2.0
 """Times its integrated defect the function of time of a draft claims at least: an error is that with its
 growth, and what is narrow for long pieces and too faint for their tails is seen by nothing else."""
-TAIL = 4
+TAIL_COEFFICIENTS = 4
 """Last coefficients of a series, the largest of which is its tail: two may be small by chance."""
-SETTLED = 1.0 - 1e-9
+THEOREM_TIME_SHARE = 1.0 - 1e-9
 """Share of the time for which the bound of the defect is a theorem where it is one for all that counts."""
-PIECES_OF_A_DRAFT = 4
+DRAFT_FIRST_PIECES = 4
 """Number of pieces with which the function of time of a draft begins."""
-BESIDE = arb(2) ** -56
+REST_PHASE_DISTANCE = arb(2) ** -56
 """Distance in phase from a rest point at which p and r are looked at."""
 
 
@@ -105,7 +105,7 @@ def make_periodic(problem: Problem, place: PeriodicPlace, found: Sampled) -> Mot
         # Between the samples finer pieces keep what the tier promises.
         motion, claimed = _with_claim(problem, place, found, is_draft=False)
     if found.late is not None and len(motion.times):
-        motion = with_samples_shown(problem.body, problem.potential, motion)
+        motion = with_samples_raised(problem.body, problem.potential, motion)
     if is_within(motion.error, claimed) or is_within(motion.error, problem.tolerance):
         return motion
     return Declined(motion.error, motion)
@@ -127,7 +127,7 @@ def _with_claim(
     columns = COLUMNS[: resolved.coefficients.shape[2]]
     error, left_out = resolved.error + found.error + resolved.moved(found.time_error), 0.0
     if is_draft and problem.wants_series:
-        left_out = LEFT_OUT * DRAFTED * problem.tolerance
+        left_out = TRUNCATION_TAILS * DRAFT_DEPARTURE_SHARE * problem.tolerance
     dense = DenseOutput(columns, resolved.breaks, resolved.coefficients, period, error + left_out)
     samples, reached = np.zeros((0, len(COLUMNS))), 0.0
     if len(times):
@@ -136,16 +136,16 @@ def _with_claim(
         reached = dense.error_at(times) if late is None else late.error_at(times)
     energy = energy_of(start.arc.loop, place.somewhere())
     evidence, claimed = {**found.evidence, **evidence_of(resolved)}, reached
-    shown = shown_by(problem.body, problem.potential, dense, energy, is_planar=True)
-    if shown is not None:
-        evidence |= told(shown)
-        keeps_claim = shown.error == dense.error and shown.settled >= SETTLED
-        dense, reached = with_error_shown(dense, reached, shown)
+    residual = residual_evidence(problem.body, problem.potential, dense, energy, is_planar=True)
+    if residual is not None:
+        evidence |= evidence_items(residual)
+        keeps_claim = residual.error == dense.error and residual.settled >= THEOREM_TIME_SHARE
+        dense, reached = with_error_raised(dense, reached, residual)
         if left_out and keeps_claim:
             # The tails that are there are less than those that are allowed.
-            dense = replace(dense, error=min(dense.error, error + LEFT_OUT * _tail(resolved)))
+            dense = replace(dense, error=min(dense.error, error + TRUNCATION_TAILS * _tail(resolved)))
         if left_out:
-            dense = replace(dense, error=largest((dense.error, GROWN * shown.defect)))
+            dense = replace(dense, error=largest((dense.error, DRAFT_DEFECT_FACTOR * residual.defect)))
     conventions = conventions_of(start)
     motion = Motion(
         method="quadrature",
@@ -168,7 +168,7 @@ def _with_claim(
 
 
 def _tail(resolved: ResolvedMotion) -> float:
-    return float(np.abs(resolved.coefficients[:, -TAIL:]).max(initial=0.0))
+    return float(np.abs(resolved.coefficients[:, -TAIL_COEFFICIENTS:]).max(initial=0.0))
 
 
 def _is_draft(problem: Problem, found: Sampled) -> bool:
@@ -185,10 +185,10 @@ def _resolved(problem: Problem, place: PeriodicPlace, found: Sampled, *, is_draf
     tolerance = problem.tolerance
     # Finer than the samples themselves are known, pieces would follow their errors. A draft is not told to
     # more digits than it promises two of.
-    least = DRAFTED * tolerance if is_draft else min(1e-14, 1e-3 * tolerance)
+    least = DRAFT_DEPARTURE_SHARE * tolerance if is_draft else min(1e-14, 1e-3 * tolerance)
     atol = max(least, 0.25 * found.error)
     if found.late is not None:
-        compiled = found.late.resolved(PIECES_OF_A_DRAFT if is_draft else FIRST_PIECES, atol)
+        compiled = found.late.resolved(DRAFT_FIRST_PIECES if is_draft else FIRST_PIECES, atol)
         if compiled is not None:
             return compiled
     hi = found.period.hi
@@ -199,7 +199,7 @@ def _resolved(problem: Problem, place: PeriodicPlace, found: Sampled, *, is_draf
         scale=hi,
         atol=atol,
         features=found.features,
-        finest=FINEST if found.features is None else _finest_pieces(place.orbit, found.period),
+        finest=MAX_RELATIVE_FINENESS if found.features is None else _finest_pieces(place.orbit, found.period),
     )
 
 
@@ -211,13 +211,13 @@ def _finest_pieces(orbit: Orbit, period: Period) -> float:
     allows they jump as far as doubles tell, and short pieces do not make it less.
     """
     if not orbit.is_even:
-        return FINEST
+        return MAX_RELATIVE_FINENESS
     with ctx.workprec(2 * ctx.prec):
         for end in (arb(0), arb.pi()):
-            theta = end + BESIDE
+            theta = end + REST_PHASE_DISTANCE
             p, _, r, *_ = orbit.state(theta)
-            since = orbit.rate(theta) * BESIDE
+            since = orbit.rate(theta) * REST_PHASE_DISTANCE
             change = float(abs(p).max(abs(r)) / since) * 4.0 * EPSILON * period.hi
             if not is_within(change, float(LARGEST_TOLERANCE)):
-                return FINEST_AT_JUMPS
-    return FINEST
+                return MAX_FINENESS_AT_JUMPS
+    return MAX_RELATIVE_FINENESS

@@ -10,14 +10,14 @@ from service.dynamics.solution.dense_output import Period
 
 FloatArray = NDArray[np.float64]
 
-SETTLED = 2e-15
+LAST_NEWTON_STEP = 2e-15
 """A step of Newton's method in [−1, 1] that is the rounding of the series; it is still taken."""
-INSIDE = (-0.6, 0.0, 0.6)
+SPEED_POINTS = (-0.6, 0.0, 0.6)
 """Places in a panel at which a function of time is looked at: a feature is about as wide as its panels."""
 
-BETWEEN = (-0.71, 0.29)
+CHECKED_POINTS = (-0.71, 0.29)
 """Places in a piece, none a node, where the series of the variables are compared with balls."""
-SEEN = 4.0
+UNSEEN_DEPARTURE_FACTOR = 4.0
 """Largest departure between the places that are looked at, in parts of the largest departure at them."""
 
 
@@ -76,7 +76,7 @@ class TimeMap:
             # Where the series of an unproved panel is 0 there is no step, and the bracket is halved.
             with np.errstate(divide="ignore", invalid="ignore"):
                 step = miss / (half * rates)
-            settled = (np.abs(step) <= SETTLED) | (np.abs(miss) <= self.rounding)
+            settled = (np.abs(step) <= LAST_NEWTON_STEP) | (np.abs(miss) <= self.rounding)
             newton = np.clip(x - step, -1.0, 1.0)
             x = np.where(settled | ((newton > low) & (newton < high)), newton, 0.5 * (low + high))
             if np.all(settled):
@@ -89,8 +89,8 @@ class TimeMap:
         What is narrow in time is in panels as narrow, which resolve it.
         """
         widths = np.diff(self.times)
-        panels = np.repeat(np.arange(len(widths)), len(INSIDE))
-        x = np.tile(np.array(INSIDE), len(widths))
+        panels = np.repeat(np.arange(len(widths)), len(SPEED_POINTS))
+        x = np.tile(np.array(SPEED_POINTS), len(widths))
         return self.times[panels] + sum_series(self.integrals, panels, x), widths[panels]
 
     def evidence(self) -> dict[str, float | int | str]:

@@ -13,7 +13,7 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop, ball
 from service.dynamics.reduction.start import StartingPoint, starting_point
 from service.dynamics.reduction.window import Arc, Window, require_known_ends
-from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
+from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.certified.fourier_time import FourierTime, make_fourier_time
 from workers.solvers.certified.orbit import is_the_only_one, passes_pole, start_on
@@ -104,7 +104,9 @@ def periodic_window(
     NoMotionError, SeveralWindowsError, NoSuchWindowError, StartOutsideWindowError, LeavesDomainError
         The motion asked for is not there, or not the only one.
     """
-    window = choose_window(find_windows(body, potential, motion, precision=max(ctx.prec, PRECISION)), motion)
+    window = choose_window(
+        find_windows(body, potential, motion, precision=max(ctx.prec, REDUCTION_BITS)), motion
+    )
     require_known_ends(window)
     if window.kind != "periodic":
         raise CertifiedUnavailableError(f"it is not periodic ({window.kind})", pointer="/motion")

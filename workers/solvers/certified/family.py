@@ -8,7 +8,7 @@ apart.
 from fractions import Fraction
 from functools import cache
 from itertools import pairwise
-from math import inf
+from math import inf, nan
 
 import numpy as np
 from flint import arb, ctx
@@ -17,21 +17,22 @@ from numpy.typing import NDArray
 from service.dynamics.bounds import largest
 from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, Problem, TimePeriods
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.sampling import exact_instants
 from service.dynamics.solution.dense_output import EPSILON, Period, chebyshev_coefficients, chebyshev_points
 from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place
 from workers.solvers.assembly.periodic import Sampled, make_periodic
-from workers.solvers.assembly.time_map import BETWEEN, SEEN, TimeMap, sum_series
+from workers.solvers.assembly.time_map import CHECKED_POINTS, UNSEEN_DEPARTURE_FACTOR, TimeMap, sum_series
 from workers.solvers.certified.by_integral import IntegralMotion, way_from
 from workers.solvers.certified.certify import first_try
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.certified.orbit import passes_pole
 from workers.solvers.certified.time_model import SLACK, TimeModel, TimePiece
-from workers.solvers.certified.way import PolarWay
+from workers.solvers.certified.way import PassagePhase, PolarWay
 from workers.solvers.complex_plane.complex_loop import MANY
 from workers.solvers.complex_plane.passage import unit_at_poles
 from workers.solvers.errors import PrecisionLostError
+from workers.solvers.orbits.graded import refine_near_poles
 from workers.solvers.orbits.near_rest import is_slow
 
 FloatArray = NDArray[np.float64]
@@ -40,8 +41,6 @@ DEGREE = 32
 """Degree of series in doubles: those in balls fall like 4^-k on a piece."""
 LATEST = Fraction(16)
 """Periods, about, up to which enclosures of samples have the same time map."""
-STEEP = 2
-"""Ratio of the moments, the larger one above, below which r ~ |t|^(A/C − 1) has no slope at a pole."""
 TURNED = np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
 """On the way back of a libration the angular velocity is the opposite."""
 
@@ -76,7 +75,7 @@ class WayFamily:
         assert isinstance(motion, PlanarMotion)
         times = [LATEST] if isinstance(problem.time, TimePeriods) else exact_instants(problem.time)
         precision, bits = first_try(problem.accuracy.bits, max((abs(t) for t in times), default=Fraction(0)))
-        with ctx.workprec(precision + ctx.prec - PRECISION):
+        with ctx.workprec(precision + ctx.prec - REDUCTION_BITS):
             try:
                 way = way_from(problem.body, problem.potential, motion, place.start, bits)
                 sampled = None if not isinstance(way.phase, PolarWay) else _sampled(way, way.phase)
@@ -86,24 +85,23 @@ class WayFamily:
                 raise PrecisionLostError(f"{error} is not known") from error
         if sampled is None:
             return NOT_MINE
-        found = make_periodic(problem, place, sampled)
-        if isinstance(found, Declined) and found.found is not None and place.start.arc.loop.alpha < STEEP:
-            # Nobody has it to more digits as a function of time: next to a pole that is one of rounded times.
-            return found.found
-        return found
+        return make_periodic(problem, place, sampled)
 
 
 def _sampled(way: IntegralMotion, phase: PolarWay) -> Sampled:
     model = way.model
     assert isinstance(model, TimeModel)
     time_map, states, departure = _in_doubles(model, phase)
+    sides = _sides(model, phase)
     turns = (way.origin / model.period).mid().floor()
     hi, origin = time_map.period.hi, float(way.origin - turns * model.period)
 
     def sample(times: FloatArray) -> FloatArray:
         local = times + origin
         panels, x = time_map.phase_at(np.where(local > hi, local - hi, local).clip(0.0, hi))
-        return np.ascontiguousarray(sum_series(states, panels, x).T)
+        found = np.ascontiguousarray(sum_series(states, panels, x).T)
+        refine_near_poles(phase.curve.loop, found, _sines(sides[:, panels], x))
+        return found
 
     poles = [model.time_at(stretch.begin) for stretch in phase.stretches if stretch.first == 0]
     poles += [model.period - t for t in poles] if phase.is_even else []
@@ -143,7 +141,33 @@ def _in_doubles(model: TimeModel, phase: PolarWay) -> tuple[TimeMap, FloatArray,
     time_map = TimeMap(
         edges, rates, integrals, times, period, error, nodes, 0, kinks=np.zeros(0), rounding=rounding
     )
-    return time_map, states, SEEN * largest(departures)
+    return time_map, states, UNSEEN_DEPARTURE_FACTOR * largest(departures)
+
+
+def _sides(model: TimeModel, phase: PolarWay) -> FloatArray:
+    """Return φ where each piece begins and ends, the unit and the sign of sin v, shape (4, pieces).
+
+    NaN where φ is not the phase.
+    """
+    sides = np.full((4, len(model.pieces)), nan)
+    for k, piece in enumerate(model.pieces):
+        stretch = phase.stretches[phase.number(piece.centre)]
+        if isinstance(stretch.phase, PassagePhase):
+            curve = stretch.phase.passage.curve
+            ends = (float(abs(theta - stretch.shift)) for theta in (piece.begin, piece.end))
+            sides[:, k] = *ends, curve.unit, curve.side
+    return np.hstack((sides, sides[[1, 0, 2, 3], ::-1])) if phase.is_even else sides
+
+
+def _sines(sides: FloatArray, x: FloatArray) -> FloatArray:
+    """Return sin v at the places ``x`` of pieces, one for each, to the digits of φ.
+
+    NaN unless it is small: a power has as many roundings as its exponent is large.
+    """
+    begin, end, unit, side = sides
+    phi = np.where(x < 0.0, begin, end) + 0.5 * (end - begin) * (x - np.copysign(1.0, x))
+    X = np.tan(0.5 * phi) ** unit
+    return np.where(unit * X < 1.0, side * 2.0 * X / (1.0 + X * X), nan)
 
 
 def _doubles(piece: TimePiece) -> FloatArray:
@@ -165,7 +189,7 @@ def _at_nodes(count: int) -> FloatArray:
 def _departure(phase: PolarWay, piece: TimePiece, states: FloatArray) -> float:
     """Return by how much the six variables are off where they are looked at."""
     found = []
-    for x in BETWEEN:
+    for x in CHECKED_POINTS:
         told: list[float] = np.atleast_1d(np.polynomial.chebyshev.chebval(x, states)).tolist()
         known = phase.state(piece.centre + piece.radius * (arb(x) / SLACK))
         found += [float(abs(ball - arb(value)).abs_upper()) for ball, value in zip(known, told, strict=True)]

@@ -9,14 +9,14 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from service.dynamics.classical.loop import BITS, ReducedLoop
+from service.dynamics.classical.loop import CASE_BITS, ReducedLoop
 from service.dynamics.classical.placement import Placed
 from service.dynamics.classical.protocol import Reduced, value
 
 FloatArray = NDArray[np.float64]
 
 NEWTON_STEPS = 60
-NEGLIGIBLE = 1e-19
+NEGLIGIBLE_RELATIVE_TERM = 1e-19
 """Terms of the series, relative to the mean, that doubles do not see."""
 
 
@@ -36,7 +36,7 @@ class Clock:
     @classmethod
     def of(cls, loop: ReducedLoop, speed: arb) -> "Clock":
         """Return the clock of a loop whose time runs ``speed`` times as fast as the client's."""
-        with ctx.workprec(BITS):
+        with ctx.workprec(CASE_BITS):
             rates, error = loop.times()
             count = len(rates)
             cosines = [(2 * arb(k) / count).cos_pi() for k in range(count)]
@@ -50,7 +50,7 @@ class Clock:
                 if len(series) > 2 and all(abs(b) < arb(2) ** -120 * mean for b in series[-3:]):
                     break
             sizes = np.array([abs(float(b)) for b in series])
-            seen = np.flatnonzero(sizes > NEGLIGIBLE * float(mean))
+            seen = np.flatnonzero(sizes > NEGLIGIBLE_RELATIVE_TERM * float(mean))
             last = int(seen[-1]) + 1 if len(seen) else 0
             doubles = np.array([float(b) for b in series[:last]])
             return cls(mean, tuple(series), error / speed, doubles)
@@ -85,9 +85,9 @@ class Clock:
         return 1e-12 + float(np.abs(self.doubles).sum()) / mean
 
 
-CHECKS = 24
+CHECKED_POINTS = 24
 """Places on the curve where doubles are held against balls."""
-SAFETY = 4.0
+DIFFERENCE_FACTOR = 4.0
 """On the largest difference seen there."""
 
 
@@ -147,7 +147,7 @@ class Curve:
         """Prepare the samples of a motion."""
         assert placed.loop is not None
         clock = Clock.of(placed.loop, placed.speed)
-        with ctx.workprec(BITS):
+        with ctx.workprec(CASE_BITS):
             since = float(clock.time(placed.first_angle()))
         speed, strength = float(placed.speed), float(placed.strength)
         return cls(placed, LoopInDoubles.of(placed.loop), clock, since, speed, strength)
@@ -156,7 +156,7 @@ class Curve:
     def period(self) -> arb:
         """The period of all six variables."""
         assert self.placed.loop is not None
-        with ctx.workprec(BITS):
+        with ctx.workprec(CASE_BITS):
             return 2 * arb.pi() * self.placed.loop.turns * self.clock.mean
 
     def sample(self, times: FloatArray) -> FloatArray:
@@ -170,10 +170,11 @@ class Curve:
     def error(self) -> float:
         """Return the largest difference from balls at places all over the curve, with a factor of safety."""
         assert self.placed.loop is not None
-        with ctx.workprec(BITS):
+        with ctx.workprec(CASE_BITS):
             start, direction = self.placed.first_angle(), self.placed.motion.direction
             angles = [
-                2 * arb.pi() * self.placed.loop.turns * (arb(k) + arb(1) / 3) / CHECKS for k in range(CHECKS)
+                2 * arb.pi() * self.placed.loop.turns * (arb(k) + arb(1) / 3) / CHECKED_POINTS
+                for k in range(CHECKED_POINTS)
             ]
             states = [
                 self.placed.in_client_axes(self.placed.loop.state(start + direction * angle))
@@ -183,4 +184,4 @@ class Curve:
             times = [direction * (self.clock.time(start + direction * angle) - began) for angle in angles]
             exact = np.array([[float(x) for x in state] for state in states])
         found = self.sample(np.array([float(t) for t in times]))
-        return SAFETY * float(np.abs(found - exact).max())
+        return DIFFERENCE_FACTOR * float(np.abs(found - exact).max())

@@ -22,26 +22,31 @@ from numpy.typing import NDArray
 
 from service.dynamics.bounds import largest
 from service.dynamics.classical.cases.hess import angle_rate
-from service.dynamics.classical.loop import BITS
+from service.dynamics.classical.loop import CASE_BITS
 from service.dynamics.classical.placement import Placed, ball
 from service.dynamics.classical.protocol import Number, value
-from service.dynamics.solution.dense_output import EPSILON, chebyshev_coefficients, chebyshev_points
-from workers.solvers.classical.curve import CHECKS, SAFETY, Clock, LoopInDoubles
+from service.dynamics.solution.dense_output import (
+    EPSILON,
+    TURN,
+    TURN_LOW,
+    chebyshev_coefficients,
+    chebyshev_points,
+)
+from workers.solvers.classical.curve import CHECKED_POINTS, DIFFERENCE_FACTOR, Clock, LoopInDoubles
 from workers.solvers.errors import PrecisionLostError
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-DEGREE = 20
-PANELS = tuple(8 * 2**k for k in range(9))
+PANEL_DEGREE = 20
+PANELS_PER_TURN = tuple(8 * 2**k for k in range(9))
 """Numbers of panels to a turn that are tried in turn until the propagators are resolved."""
-RESOLVED = 1e-15
+TAIL_RELATIVE_SIZE = 1e-15
 """Largest tail of a propagator, relative to it."""
-ROUNDINGS = 2.0
+PROPAGATOR_ULPS = 2.0
 """Rounding of a propagator, in 2^-52 of it: of a and b, of the solution, of the product with those before."""
-MOST_PANELS = 1_000_000
+MAX_PANELS = 1_000_000
 """Largest number of panels of all turns that a motion is followed for."""
-TURN, REST_OF_TURN = 2.0 * pi, 2.4492935982947064e-16
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +54,7 @@ class Angle:
     """The direction of y over the angle θ of the loop."""
 
     propagators: FloatArray
-    """Coefficients on each panel of a turn, shape (panels, DEGREE + 1, 2, 2)."""
+    """Coefficients on each panel of a turn, shape (panels, PANEL_DEGREE + 1, 2, 2)."""
     before: FloatArray
     """Products of those of the panels before each, and of the whole turn, shape (panels + 1, 2, 2)."""
     first: int
@@ -62,7 +67,7 @@ class Angle:
     def __call__(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return cos φ and sin φ, shape (n,) each."""
         turn, panel, x = _place(theta, len(self.propagators))
-        powers = chebyshev.chebvander(x, DEGREE)
+        powers = chebyshev.chebvander(x, PANEL_DEGREE)
         y = (self.before[panel] @ self.along[turn - self.first][:, :, None])[:, :, 0]
         y1, y2 = np.einsum("nd,ndij,nj->in", powers, self.propagators[panel], y)
         square = y1 * y1 + y2 * y2
@@ -100,7 +105,7 @@ class Momentum:
             LoopInDoubles.of(placed.loop),
             float(placed.loop.lower),
         )
-        with ctx.workprec(BITS):
+        with ctx.workprec(CASE_BITS):
             constants, phi, start = _constants(placed)
             since = float(clock.time(start))
         doubles = {name: float(number) for name, number in constants.items()}
@@ -126,9 +131,9 @@ class Momentum:
         loop, k = self.placed.loop, self.constants
         cosine, sine = 0.6, 0.8
         apart = list[float]()
-        with ctx.workprec(BITS):
-            for place in range(CHECKS):
-                theta = TURN * place / CHECKS
+        with ctx.workprec(CASE_BITS):
+            for index in range(CHECKED_POINTS):
+                theta = TURN * index / CHECKED_POINTS
                 x, (_, v) = loop.x(arb(theta)), loop.factors(arb(theta))
                 m = x if k["areas"] == 0 else x.sqrt()
                 exact = [float(each) for part in _state(k, m, v, arb(cosine), arb(sine)) for each in part]
@@ -146,7 +151,7 @@ class Momentum:
         longest = self.lower + 2.0 * self.loop.half
         longest = max(abs(self.lower), longest) if self.doubles["areas"] == 0.0 else longest**0.5
         fastest = longest / min(self.doubles[name] for name in "ABC")
-        return SAFETY * (largest(apart) + self.angle.error * max(1.0, fastest))
+        return DIFFERENCE_FACTOR * (largest(apart) + self.angle.error * max(1.0, fastest))
 
 
 def _state(
@@ -208,11 +213,13 @@ def _follow(
         products.append(step @ products[-1])
     before = np.array(products)
     (home,), (panel,), x = _place(np.array([start]), count)
-    inside = np.einsum("d,dij->ij", chebyshev.chebvander(x, DEGREE)[0], propagators[panel]) @ before[panel]
+    inside = (
+        np.einsum("d,dij->ij", chebyshev.chebvander(x, PANEL_DEGREE)[0], propagators[panel]) @ before[panel]
+    )
     y = _inverse(inside) @ [cos(0.5 * phi), sin(0.5 * phi)]
     first, last = floor(min(*ends, start) / TURN), floor(max(*ends, start) / TURN)
-    if (last - first) * count > MOST_PANELS:
-        raise PrecisionLostError(f"the angle of the momentum is followed on {MOST_PANELS} panels at most")
+    if (last - first) * count > MAX_PANELS:
+        raise PrecisionLostError(f"the angle of the momentum is followed on {MAX_PANELS} panels at most")
     # One more on both sides, for angles that rounding takes there.
     ahead, behind = (
         _turned(y, before[-1], last - home + 2),
@@ -222,7 +229,7 @@ def _follow(
     directions = np.array(along)
     vectors = np.linalg.norm(before[:-1] @ directions[:, None, :, None], axis=2)[:, :, 0]
     logarithms = 2.0 * (np.array(sizes)[:, None] + np.log(vectors)).ravel()
-    rounding = ROUNDINGS * EPSILON
+    rounding = PROPAGATOR_ULPS * EPSILON
     norms = np.linalg.norm(before[:-1], axis=(1, 2))
     # The ends of panels before the start and behind it, as far as the motion goes.
     turns, panels, _ = _place(np.array([min(*ends, start), start, max(*ends, start)]), count)
@@ -236,12 +243,14 @@ def _follow(
 
 def _propagators(loop: LoopInDoubles, lower: float, k: dict[str, float]) -> tuple[FloatArray, float]:
     """Return the propagators of the panels of a turn, resolved, and their largest relative tail."""
-    points = chebyshev_points(DEGREE)
-    interpolation = chebyshev_coefficients(np.eye(DEGREE + 1))
-    integration = chebyshev.chebvander(points, DEGREE + 1) @ chebyshev.chebint(interpolation, lbnd=-1, axis=0)
-    size = 2 * (DEGREE + 1)
+    points = chebyshev_points(PANEL_DEGREE)
+    interpolation = chebyshev_coefficients(np.eye(PANEL_DEGREE + 1))
+    integration = chebyshev.chebvander(points, PANEL_DEGREE + 1) @ chebyshev.chebint(
+        interpolation, lbnd=-1, axis=0
+    )
+    size = 2 * (PANEL_DEGREE + 1)
     tail = np.inf
-    for count in PANELS:
+    for count in PANELS_PER_TURN:
         half = pi / count
         theta = half * (2.0 * np.arange(count)[:, None] + 1.0 + points)
         x = _coordinate(loop, lower, theta)
@@ -253,20 +262,20 @@ def _propagators(loop: LoopInDoubles, lower: float, k: dict[str, float]) -> tupl
         M = 0.5 * half * np.stack([np.stack([zero, a - b], -1), np.stack([a + b, zero], -1)], -2)
         blocks = integration[:, None, :, None] * M.transpose(0, 2, 1, 3)[:, None]
         equations = np.eye(size) - blocks.reshape(count, size, size)
-        ones = np.broadcast_to(np.tile(np.eye(2), (DEGREE + 1, 1)), (count, size, 2))
-        inside = np.linalg.solve(equations, ones).reshape(count, DEGREE + 1, 2, 2)
+        ones = np.broadcast_to(np.tile(np.eye(2), (PANEL_DEGREE + 1, 1)), (count, size, 2))
+        inside = np.linalg.solve(equations, ones).reshape(count, PANEL_DEGREE + 1, 2, 2)
         series = np.einsum("dj,njab->ndab", interpolation, inside)
         tail = float((np.abs(series[:, -2:]).max(axis=(1, 2, 3)) / np.abs(inside).max(axis=(1, 2, 3))).max())
-        if tail <= RESOLVED:
+        if tail <= TAIL_RELATIVE_SIZE:
             return series, tail
-    raise PrecisionLostError(f"{PANELS[-1]} panels a turn do not resolve the angle of the momentum")
+    raise PrecisionLostError(f"{PANELS_PER_TURN[-1]} panels a turn do not resolve the angle of the momentum")
 
 
 def _place(theta: FloatArray, count: int) -> tuple[IntArray, IntArray, FloatArray]:
     """Return the turn of angles, their panel among ``count``, and their place in [-1, 1] on it."""
     turn = np.floor(theta / TURN)
     # 2π in two doubles: the turns are many, and their rest is no rounding.
-    share = (np.fmod(theta, TURN) % TURN - turn * REST_OF_TURN) * (count / TURN)
+    share = (np.fmod(theta, TURN) % TURN - turn * TURN_LOW) * (count / TURN)
     panel = np.clip(np.floor(share), 0, count - 1)
     return turn.astype(np.int64), panel.astype(np.int64), 2.0 * (share - panel) - 1.0
 

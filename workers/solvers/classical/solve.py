@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.bounds import largest
 from service.dynamics.classical.classification import relations_of
-from service.dynamics.classical.loop import BITS
+from service.dynamics.classical.loop import CASE_BITS
 from service.dynamics.classical.placement import Placed, place
 from service.dynamics.motion import COLUMNS, Asymptote, Estimate, Motion
 from service.dynamics.problem import ClassicalMotion, Problem
@@ -21,7 +21,7 @@ from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
 from workers.solvers.assembly.dense import nothing_resolved, resolve_motion
 from workers.solvers.classical.curve import Curve
 from workers.solvers.classical.momentum import Momentum
-from workers.solvers.evidence import with_claim_shown
+from workers.solvers.evidence import with_claim_raised
 from workers.solvers.integration.solve import integrate_state
 
 FloatArray = NDArray[np.float64]
@@ -36,9 +36,9 @@ def constant(placed: Placed, span: tuple[float, float]) -> DenseOutput:
     return DenseOutput(("p", "q", "r", "g1", "g2", "g3"), breaks, state.reshape(1, 1, 6), None, rounding)
 
 
-RESOLVED = 1e-14
+PIECES_ERROR = 1e-14
 """Error of the pieces of the function of time, unless the samples are known to less."""
-STATE_ROUNDING = 2.0**-180
+STATE_RELATIVE_ROUNDING = 2.0**-180
 """Relative rounding error of the state at time 0."""
 DISTANCE = "distance_from_relations"
 """Key of the evidence: the largest distance of a sample from the relations of the case, to first order."""
@@ -95,7 +95,7 @@ def _steady(problem: Problem, placed: Placed) -> Motion:
 
 def _of_loop(problem: Problem, placed: Placed) -> Motion:
     curve = Curve.of(placed)
-    with ctx.workprec(BITS):
+    with ctx.workprec(CASE_BITS):
         length = curve.period
         hi = float(length)
         lo = float(length - hi)
@@ -104,7 +104,9 @@ def _of_loop(problem: Problem, placed: Placed) -> Motion:
     period: Period | None = Period(hi, lo, error)
     own = curve.error()
     if problem.wants_series:
-        found = resolve_motion(curve.sample, (0.0, hi), np.zeros(0), scale=hi, atol=max(RESOLVED, 0.25 * own))
+        found = resolve_motion(
+            curve.sample, (0.0, hi), np.zeros(0), scale=hi, atol=max(PIECES_ERROR, 0.25 * own)
+        )
     else:
         found = nothing_resolved(hi)
     columns = COLUMNS[: found.coefficients.shape[2]]
@@ -112,7 +114,7 @@ def _of_loop(problem: Problem, placed: Placed) -> Motion:
     if "orientation" in problem.outputs:
         # What the attitude gains in a period is known of planar motions alone: it needs all the asked times.
         span = _span(asked)
-        found = resolve_motion(curve.sample, span, np.zeros(0), scale=hi, atol=max(RESOLVED, 0.25 * own))
+        found = resolve_motion(curve.sample, span, np.zeros(0), scale=hi, atol=max(PIECES_ERROR, 0.25 * own))
         period, own = None, own + found.moved(4.0 * EPSILON * max(map(abs, span)))
     dense = DenseOutput(columns, found.breaks, found.coefficients, period, found.error + own)
     motion = _motion(problem, placed, dense, asked)
@@ -128,7 +130,7 @@ def _of_hess(problem: Problem, placed: Placed) -> Motion:
     momentum = Momentum.of(placed, span)
     own = momentum.error()
     found = resolve_motion(
-        momentum.sample, span, np.zeros(0), scale=span[1] - span[0], atol=max(RESOLVED, 0.25 * own)
+        momentum.sample, span, np.zeros(0), scale=span[1] - span[0], atol=max(PIECES_ERROR, 0.25 * own)
     )
     own += found.moved(4.0 * EPSILON * max(map(abs, span)))
     dense = DenseOutput(COLUMNS, found.breaks, found.coefficients, None, found.error + own)
@@ -166,7 +168,7 @@ def _motion(problem: Problem, placed: Placed, dense: DenseOutput, asked: SampleT
         evidence={"case": placed.case.name},
         rests=rests,
     )
-    return with_claim_shown(problem.body, problem.potential, motion)
+    return with_claim_raised(problem.body, problem.potential, motion)
 
 
 def _energy(problem: Problem, placed: Placed) -> Estimate:
@@ -180,7 +182,7 @@ def _energy(problem: Problem, placed: Placed) -> Estimate:
     potential = sum((c * g for c, g in zip(motion.centre, placed.start.gamma, strict=True)), Fraction(0))
     h = kinetic / 2 + potential
     # The state is rounded too, to some 70 digits: an energy of 0 is what that leaves.
-    return Estimate(float(h), float(np.spacing(abs(float(h))) + STATE_ROUNDING * kinetic))
+    return Estimate(float(h), float(np.spacing(abs(float(h))) + STATE_RELATIVE_ROUNDING * kinetic))
 
 
 def _with_relations(placed: Placed, motion: Motion) -> Motion:

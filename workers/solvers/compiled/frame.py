@@ -9,7 +9,7 @@ from flint import arb, ctx, fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.keeping import Remembering
+from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
 from workers.solvers.compiled.records import LOOP, Loop, Records, copied
 from workers.solvers.compiled.windows.arcs import AUTOMATIC, EQUATOR, POINT, REST
@@ -188,7 +188,7 @@ def _numbers_of(body: RigidBody) -> _OfBody | None:
     return _OfBody(alpha[0] / alpha[1], factor[0] / factor[1], mirrored, body.A == 2 * body.C)
 
 
-_of_body = Remembering(_numbers_of)
+_of_body = IdentityCache(_numbers_of)
 
 
 def _start(motion: PlanarMotion) -> tuple[int, float, float, float] | None:

@@ -12,7 +12,7 @@ from service.dynamics.motion import COLUMNS, Estimate
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.reduction.window import EndKind
 from service.dynamics.solution.dense_output import EPSILON, Period
-from workers.solvers.assembly.dense import FINEST, ResolvedMotion
+from workers.solvers.assembly.dense import MAX_RELATIVE_FINENESS, ResolvedMotion
 from workers.solvers.compiled.desk import own_desk
 from workers.solvers.compiled.records import Loop, Records
 from workers.solvers.compiled.time_map.pieces import NODES, resolve_one
@@ -124,7 +124,15 @@ class SpectralMotion:
         """Return one period in pieces, from so many on; None if :func:`.resolve_motion` has to do it."""
         ends, series = np.empty(PIECES), np.empty((PIECES, NODES, 6))
         done, departure, states = resolve_one(
-            self.loops, self.panels, self.period.hi, pieces, atol, FINEST, own_desk(), ends, series
+            self.loops,
+            self.panels,
+            self.period.hi,
+            pieces,
+            atol,
+            MAX_RELATIVE_FINENESS,
+            own_desk(),
+            ends,
+            series,
         )
         if not done:
             return None

@@ -14,29 +14,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.evidence import FINEST, GOAL
+from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
+from service.dynamics.solution.dense_output import UNIT_ROUNDOFF
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.general.held import hold
 from workers.solvers.compiled.general.lanes import LANES
-from workers.solvers.compiled.general.many import solve_twin, solve_twins
+from workers.solvers.compiled.general.many import solve_pair, solve_pairs
 from workers.solvers.compiled.general.records import Asked, Formula, Gradient, Models
+from workers.solvers.compiled.general.run_pair import COLLIDED, NUMBERS, OPEN, VERIFIED
 from workers.solvers.compiled.general.sampling import TOGETHER, values_at
 from workers.solvers.compiled.general.series import ORDER, STATE
 from workers.solvers.compiled.general.steps import ARRIVED, CAUTION, TIRED, new_pieces, seen, take_steps
-from workers.solvers.compiled.general.twin import COLLIDED, HELD, NUMBERS, OPEN
 from workers.solvers.integration.errors import (
     CollisionError,
     IntegrationError,
     UndefinedStartError,
     UnsupportedFormulaError,
 )
-from workers.solvers.integration.followed import BEFORE_THE_END, SLACK
-from workers.solvers.integration.followed import ROUNDING as STEP_ROUNDING
+from workers.solvers.integration.followed import (
+    MAX_DEFECT_TOLERANCES,
+    STEP_RELATIVE_ROUNDING,
+    UNCHECKED_TIME_SHARE,
+)
 from workers.solvers.integration.interface import (
-    COLLAPSED_STEP,
-    SINGULAR_GRADIENT,
+    COLLAPSED_STEP_RATIO,
+    COLLISION_GRADIENT_GROWTH,
     Rounding,
     Run,
     Steps,
@@ -45,7 +49,12 @@ from workers.solvers.integration.interface import (
     too_many_steps,
 )
 from workers.solvers.integration.programs import gradient_program
-from workers.solvers.integration.twin import LOOSER, ROUNDING, SAFETY, UNIT, Span
+from workers.solvers.integration.run_pair import (
+    COARSE_DEFECT_RATIO,
+    DIFFERENCE_FACTOR,
+    SHARED_RELATIVE_ROUNDING,
+    Span,
+)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -171,7 +180,7 @@ class CompiledIntegrator:
             np.array([local_tolerance]),
             max_steps,
             longest,
-            COLLAPSED_STEP,
+            COLLAPSED_STEP_RATIO,
             new_pieces(1),
         )
         count = int(counts[0])
@@ -240,7 +249,7 @@ def _formula_program(potential: FormulaPotential) -> Formula:
 
 
 @dataclass(frozen=True, slots=True)
-class Held:
+class VerifiedRun:
     """Runs that arrive, the finest of which keeps the equations in every step, and what they show."""
 
     breaks: FloatArray
@@ -257,7 +266,7 @@ class Held:
     """Part of the claim: what errors that the run makes on its way grow to."""
 
 
-def asked_of_twin(
+def pair_request(
     integrator: Steps,
     span: Span,
     *,
@@ -266,7 +275,7 @@ def asked_of_twin(
     tolerance: float,
     is_last: bool = True,
 ) -> Asked:
-    """Return what :func:`.twin.run_twin` asks of two runs, the looser ``local_tolerance`` being given.
+    """Return what :func:`.run_pair.run_pair` asks of two runs, the looser ``local_tolerance`` being given.
 
     Unless it ``is_last``, finer runs follow where these are not accurate enough.
     """
@@ -277,18 +286,20 @@ def asked_of_twin(
         fine=finer,
         coarse=local_tolerance,
         max_steps=max_steps,
-        collapsed=COLLAPSED_STEP,
-        singular=SINGULAR_GRADIENT,
-        before_the_end=BEFORE_THE_END,
+        collapsed=COLLAPSED_STEP_RATIO,
+        singular=COLLISION_GRADIENT_GROWTH,
+        before_the_end=UNCHECKED_TIME_SHARE,
         tolerance=tolerance,
-        safety=SAFETY,
-        rounding=ROUNDING,
-        noise=UNIT,
+        safety=DIFFERENCE_FACTOR,
+        rounding=SHARED_RELATIVE_ROUNDING,
+        noise=UNIT_ROUNDOFF,
         tail=_tail_of(finer),
-        fine_defect=max(SLACK * finer, STEP_ROUNDING),
-        coarse_defect=max(SLACK * local_tolerance, LOOSER * STEP_ROUNDING),
-        goal=GOAL,
-        finest=FINEST,
+        fine_defect=max(MAX_DEFECT_TOLERANCES * finer, STEP_RELATIVE_ROUNDING),
+        coarse_defect=max(
+            MAX_DEFECT_TOLERANCES * local_tolerance, COARSE_DEFECT_RATIO * STEP_RELATIVE_ROUNDING
+        ),
+        goal=TRUNCATION_SHARE,
+        finest=MIN_TRUNCATION,
         is_last=is_last,
     )
 
@@ -302,14 +313,14 @@ def _tail_of(local_tolerance: float) -> float:
     return x / (1.0 - x)
 
 
-def held_twin(
+def verified_run(
     integrator: CompiledIntegrator,
     state: FloatArray,
     neighbour: FloatArray,
     check: FloatArray,
     asked: Asked,
-) -> Held | IntegrationError | float | None:
-    """Return what :func:`.twin.run_twin` finds where all is settled by kernels; None where not.
+) -> VerifiedRun | IntegrationError | float | None:
+    """Return what :func:`.run_pair.run_pair` finds where all is settled by kernels; None where not.
 
     An error is a singularity that the motion runs into. A number is the estimated error of the finer run,
     where that is larger than the tolerance; infinity where finer runs follow, since then the estimate is not
@@ -317,20 +328,20 @@ def held_twin(
     """
     if integrator.structure is None:
         return None
-    status, breaks, coefficients, found = solve_twin(integrator.models, state, neighbour, check, asked)
+    status, breaks, coefficients, found = solve_pair(integrator.models, state, neighbour, check, asked)
     if status == OPEN:
         return None
     numbers: list[float] = found.tolist()
     if status == COLLIDED:
         time, error, *gradients = numbers[:4]
         return CollisionError(time=time, error=error, start=gradients[0], end=gradients[1])
-    if status == HELD:
-        return Held(breaks, coefficients, *numbers)
+    if status == VERIFIED:
+        return VerifiedRun(breaks, coefficients, *numbers)
     return numbers[0] if asked.is_last else inf
 
 
 @dataclass(frozen=True, slots=True)
-class HeldTwins:
+class VerifiedRuns:
     """The results of many motions that were integrated at once."""
 
     endings: IntArray
@@ -341,7 +352,7 @@ class HeldTwins:
     """The six variables at the times, shape (n, times, 6)."""
 
 
-def held_twins(
+def verified_runs(
     models: Models,
     which: IntArray,
     states: FloatArray,
@@ -350,15 +361,15 @@ def held_twins(
     asked: Asked,
     times: FloatArray,
     rests: FloatArray | None,
-) -> HeldTwins:
-    """Return what :func:`held_twin` finds of many motions, and their values at ``times``.
+) -> VerifiedRuns:
+    """Return what :func:`verified_run` finds of many motions, and their values at ``times``.
 
     ``which`` has the models of the motions; the states have the shape (n, 6).
     """
     count, rows = len(states), -(-len(times) // TOGETHER) * TOGETHER
     endings, numbers = np.full(count, OPEN), np.full((count, NUMBERS), np.nan)
     samples = np.empty((count, rows, LANES))
-    solve_twins(
+    solve_pairs(
         models,
         which,
         states,
@@ -371,12 +382,12 @@ def held_twins(
         numbers,
         samples,
     )
-    return HeldTwins(endings, numbers, samples[:, : len(times), :STATE])
+    return VerifiedRuns(endings, numbers, samples[:, : len(times), :STATE])
 
 
-def samples_of(held: Held, times: FloatArray, rests: FloatArray | None) -> FloatArray:
+def samples_of(verified: VerifiedRun, times: FloatArray, rests: FloatArray | None) -> FloatArray:
     """Return the six variables at the times, shape (n, 6): what the dense output has there."""
     values = np.empty((-(-len(times) // TOGETHER) * TOGETHER, LANES))
-    series = _padded(held.coefficients)
-    values_at(held.breaks, series, series.shape[1], times, _NONE if rests is None else rests, values)
+    series = _padded(verified.coefficients)
+    values_at(verified.breaks, series, series.shape[1], times, _NONE if rests is None else rests, values)
     return values[: len(times), :STATE].copy()

@@ -29,8 +29,8 @@ from workers.solvers.integration.straight_line import gradient_line
 
 FloatArray = NDArray[np.float64]
 
-_DEGREE = 7
-_POINTS = 0.5 * (1.0 + chebyshev_points(_DEGREE))
+_PIECE_DEGREE = 7
+_PIECE_POINTS = 0.5 * (1.0 + chebyshev_points(_PIECE_DEGREE))
 
 
 class Dop853Integrator:
@@ -70,7 +70,7 @@ class Dop853Integrator:
         """Integrate from ``state`` to ``end``; see Integrator.run."""
         start_gradient = self._gradient_of(state)
         if not np.isfinite(start_gradient).all():
-            return Run(np.zeros(1), np.zeros((0, _DEGREE + 1, 6)), UndefinedStartError())
+            return Run(np.zeros(1), np.zeros((0, _PIECE_DEGREE + 1, 6)), UndefinedStartError())
         solver = DOP853(
             self._derivative, 0.0, state, end, rtol=local_tolerance, atol=local_tolerance, max_step=longest
         )
@@ -90,9 +90,9 @@ class Dop853Integrator:
             if float(solver.t) != end and step_has_collapsed(step, longest_taken, breaks[-1]):
                 ending = collapse(since + breaks[-1], start_gradient, self._gradient_of(before))
                 break
-            values.append(solver.dense_output()(breaks[-1] + step * _POINTS))
+            values.append(solver.dense_output()(breaks[-1] + step * _PIECE_POINTS))
             breaks.append(float(solver.t))
-        shape = (_DEGREE + 1, len(values), 6)
+        shape = (_PIECE_DEGREE + 1, len(values), 6)
         table = np.array(values).transpose(2, 0, 1) if values else np.zeros(shape)
         return Run(np.array(breaks), chebyshev_coefficients(table).transpose(1, 0, 2), ending)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.defect.accumulation import Blocks, StretchBatch, defect_within
 from service.dynamics.defect.equations import Equations
+from service.dynamics.defect.evidence import STATE_RELATIVE_ROUNDING
 from service.dynamics.defect.unresolved import hides_something
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.integration.errors import StepCollapseError
@@ -28,21 +29,19 @@ from workers.solvers.integration.interface import (
 
 FloatArray = NDArray[np.float64]
 
-STEPS_TOGETHER = 24
+STEPS_BETWEEN_CHECKS = 24
 """Steps between two checks, once a step has failed."""
 MAX_RESTARTS = 400
 """Checks after the first failure: a feature takes some ten."""
-ROUNDING = 2.0**-43
+STEP_RELATIVE_ROUNDING = 2.0**-43
 """Rounding error of one step, relative to the variables: some hundred roundings of a state."""
-SLACK = 1e3
+MAX_DEFECT_TOLERANCES = 1e3
 """Largest defect of a step, in local tolerances: between its ends the function of time is less good."""
-STATE_ROUNDING = 2.0**-50
-"""Rounding error of a state at a node, relative to each variable."""
-REGROWTH = 4.0
+STEP_REGROWTH = 4.0
 """Factor by which the longest step grows at each check that finds nothing."""
-BEFORE_THE_END = 1e-6
+UNCHECKED_TIME_SHARE = 1e-6
 """Share of the time of a run that ends early of which nothing is asked."""
-SHORTEST = 1e-14
+MIN_STEP_SHARE = 1e-14
 """Shortest step that is tried, in parts of the time to go."""
 
 
@@ -81,7 +80,7 @@ def followed(
     parts = [_until(run, failure.time)]
     done, steps, longest = failure.time, len(parts[0].coefficients), failure.length
     for _ in range(MAX_RESTARTS):
-        if longest <= SHORTEST * abs(end):
+        if longest <= MIN_STEP_SHARE * abs(end):
             break
         if steps > max_steps:
             return replace(_together(parts, end), ending=too_many_steps(done, end, max_steps))
@@ -90,7 +89,7 @@ def followed(
             state,
             end - done,
             local_tolerance=local_tolerance,
-            max_steps=STEPS_TOGETHER,
+            max_steps=STEPS_BETWEEN_CHECKS,
             longest=longest,
             since=done,
         )
@@ -100,11 +99,11 @@ def followed(
             part = _until(part, failure.time)
         parts.append(part)
         steps += len(part.coefficients)
-        is_whole = failure is None and len(part.coefficients) < STEPS_TOGETHER
+        is_whole = failure is None and len(part.coefficients) < STEPS_BETWEEN_CHECKS
         if is_whole or (failure is None and part.reached == end - done):
             return replace(_together(parts, end), ending=part.ending)
         done += part.reached
-        longest = longest if failure is not None else REGROWTH * longest
+        longest = longest if failure is not None else STEP_REGROWTH * longest
     return replace(_together(parts, end), ending=_not_followed(done, end))
 
 
@@ -115,10 +114,10 @@ def _first_failure(
         return None
     is_forward = run.reached > 0.0
     size = float(np.abs(run.coefficients).max())
-    allowed = size * max(SLACK * local_tolerance, looseness * ROUNDING)
+    allowed = size * max(MAX_DEFECT_TOLERANCES * local_tolerance, looseness * STEP_RELATIVE_ROUNDING)
     goal = 0.1 * allowed * (len(run.breaks) - 1)
     # Next to the singularity it runs into, a run is not asked what is there.
-    limit = inf if run.ending is None else (1.0 - BEFORE_THE_END) * abs(run.reached)
+    limit = inf if run.ending is None else (1.0 - UNCHECKED_TIME_SHARE) * abs(run.reached)
     asked = int(np.searchsorted(np.abs(run.breaks[:-1]), limit, side="left"))
     if integrator.keeps(Run(run.breaks[: asked + 1], run.coefficients[:asked], None), goal, allowed):
         return None
@@ -149,7 +148,7 @@ def _fails(equations: Equations, block: StretchBatch, allowed: float) -> NDArray
     if fails.any():
         states = block.states[fails]
         columns = states.reshape(-1, 6).T
-        spread = equations.spread(columns, STATE_ROUNDING * np.abs(columns)).T.reshape(states.shape)
+        spread = equations.spread(columns, STATE_RELATIVE_ROUNDING * np.abs(columns)).T.reshape(states.shape)
         rounding = 2.0 * block.times[fails, None] * spread.max(axis=1)
         fails[fails] = (extent[fails] > allowed + rounding).any(axis=1)
     return fails | hides_something(equations, block, is_planar=False)

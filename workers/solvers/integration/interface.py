@@ -18,10 +18,10 @@ from workers.solvers.integration.errors import CollisionError, IntegrationError,
 
 FloatArray = NDArray[np.float64]
 
-COLLAPSED_STEP = 1e-13
+COLLAPSED_STEP_RATIO = 1e-13
 """A step this much shorter than the longest one so far will not come back: towards a singularity
 at t* the steps shrink in proportion to t* - t, so t* is then known to the rounding of t."""
-SINGULAR_GRADIENT = 1e6
+COLLISION_GRADIENT_GROWTH = 1e6
 """Growth of the potential's gradient, since the start, that tells a collision from a mere loss of
 smoothness: at a collapsed step a term 1/g² has grown by 1e19, sqrt(g) by 1e6, |g|^(4/3) not at all."""
 
@@ -141,7 +141,7 @@ def stacked(parts: Sequence[FloatArray]) -> FloatArray:
 
 def step_has_collapsed(step: float, longest: float, time: float) -> bool:
     """Return whether a step is too short to go on with."""
-    return not abs(step) > max(COLLAPSED_STEP * longest, 4.0 * float(np.spacing(abs(time))))
+    return not abs(step) > max(COLLAPSED_STEP_RATIO * longest, 4.0 * float(np.spacing(abs(time))))
 
 
 def collapse(time: float, start_gradient: FloatArray, end_gradient: FloatArray) -> IntegrationError:
@@ -155,7 +155,7 @@ def collapse_by(time: float, start: float, end: float, error: float = inf) -> In
 
     One run alone does not know the error of a collision's time.
     """
-    if not end <= SINGULAR_GRADIENT * start:
+    if not end <= COLLISION_GRADIENT_GROWTH * start:
         return CollisionError(time=time, error=error, start=start, end=end)
     return StepCollapseError(
         f"the steps shrink to nothing at t = {time:.15g} while the potential's gradient stays at {end:.1e}: "

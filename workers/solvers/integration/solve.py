@@ -16,18 +16,18 @@ from service.dynamics.motion import COLUMNS, Estimate, Motion
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.solution.dense_output import DenseOutput
 from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.evidence import COVERED, DEFECT, DRIFT, with_claim_shown
+from workers.solvers.evidence import COVERED, DEFECT, DRIFT, with_claim_raised
 from workers.solvers.integration.errors import (
     IntegrationError,
     UnsupportedFormulaError,
 )
 from workers.solvers.integration.interface import Integrator, Steps, neighbour_of
-from workers.solvers.integration.twin import ROUNDING, Span, Twin, run_twin
+from workers.solvers.integration.run_pair import SHARED_RELATIVE_ROUNDING, RunPair, Span, run_pair
 from workers.solvers.ways import is_plain
 
 if TYPE_CHECKING:
     from workers.solvers.compiled.general.records import Asked
-    from workers.solvers.integration.compiled import Held
+    from workers.solvers.integration.compiled import VerifiedRun
 
 FloatArray = NDArray[np.float64]
 IntegratorName = Literal["auto", "taylor", "dop853"]
@@ -41,7 +41,7 @@ CHECK_TIMES = 257
 asked the difference may vanish there by chance."""
 GROWTH = "grown_errors"
 """Key of the evidence: what errors that a run makes on its way have grown to, a part of the claim."""
-FIRST_TRY = 0.01
+FIRST_TOLERANCE_SHARE = 0.01
 """Local tolerance of the first try in parts of the tolerance: errors of some hundred steps add up."""
 
 
@@ -79,19 +79,19 @@ def integrate_state(
     start = (*omega, *gamma)
     state = np.array([float(number) for number in start])
     neighbour = np.array([neighbour_of(number) for number in start])
-    quest = quest_of(times, tolerance)
-    span, check = quest.span, quest.check
+    run_request = run_request_of(times, tolerance)
+    span, check = run_request.span, run_request.check
     reached = np.inf
     for local_tolerance in tolerances(chosen, tolerance):
-        held = quest.try_kernels(chosen, state, neighbour, local_tolerance)
-        if isinstance(held, float):
-            reached = min(reached, held)
+        verified = run_request.try_kernels(chosen, state, neighbour, local_tolerance)
+        if isinstance(verified, float):
+            reached = min(reached, verified)
             continue
-        if isinstance(held, IntegrationError):
-            raise held
-        if held is not None:
-            return _held_motion(held, times, rests, local_tolerance / chosen.tightening)
-        twin = run_twin(
+        if isinstance(verified, IntegrationError):
+            raise verified
+        if verified is not None:
+            return _verified_motion(verified, times, rests, local_tolerance / chosen.tightening)
+        pair = run_pair(
             chosen,
             equations,
             state,
@@ -100,21 +100,21 @@ def integrate_state(
             local_tolerance=local_tolerance,
             max_steps=MAX_STEPS,
         )
-        if twin.ending is not None:
-            raise twin.ending
-        error = float(twin.error_estimate(body, potential, check).max())
+        if pair.ending is not None:
+            raise pair.ending
+        error = float(pair.error_estimate(body, potential, check).max())
         if is_within(error, tolerance):
-            found = _motion(twin, body, potential, times, check, chosen.name, error)
-            found = with_claim_shown(body, potential, found)
+            found = _motion(pair, body, potential, times, check, chosen.name, error)
+            found = with_claim_raised(body, potential, found)
             if is_within(found.error, tolerance):
-                return replace(found, samples=twin.fine(times, rests), rests=rests)
+                return replace(found, samples=pair.fine(times, rests), rests=rests)
             error = found.error
         reached = min(reached, error)
     raise AccuracyNotMetError(reached, tolerance)
 
 
 @dataclass(frozen=True, slots=True)
-class Quest:
+class RunRequest:
     """A request for the motions of one or many states: the times, and the largest error."""
 
     span: Span
@@ -124,21 +124,21 @@ class Quest:
 
     def try_kernels(
         self, integrator: Integrator, state: FloatArray, neighbour: FloatArray, local_tolerance: float
-    ) -> "Held | IntegrationError | float | None":
-        """Return what kernels settle alone: see :func:`.compiled.held_twin`."""
+    ) -> "VerifiedRun | IntegrationError | float | None":
+        """Return what kernels settle alone: see :func:`.compiled.verified_run`."""
         if integrator.name != "taylor":
             return None
         from workers.solvers.integration import compiled  # noqa: PLC0415
 
         assert isinstance(integrator, compiled.CompiledIntegrator)
         asked = self.asked(integrator, local_tolerance)
-        return compiled.held_twin(integrator, state, neighbour, self.check, asked)
+        return compiled.verified_run(integrator, state, neighbour, self.check, asked)
 
     def asked(self, integrator: Steps, local_tolerance: float) -> "Asked":
         """Return what is asked of kernels."""
         from workers.solvers.integration import compiled  # noqa: PLC0415
 
-        return compiled.asked_of_twin(
+        return compiled.pair_request(
             integrator,
             self.span,
             local_tolerance=local_tolerance,
@@ -148,10 +148,10 @@ class Quest:
         )
 
 
-def quest_of(times: FloatArray, tolerance: float) -> Quest:
-    """Return the quest for the motions at all ``times``."""
+def run_request_of(times: FloatArray, tolerance: float) -> RunRequest:
+    """Return the request for the motions at all ``times``."""
     span = Span(min(0.0, float(times.min())), max(0.0, float(times.max())))
-    return Quest(span, np.concatenate([times, span.uniform(CHECK_TIMES)]), tolerance)
+    return RunRequest(span, np.concatenate([times, span.uniform(CHECK_TIMES)]), tolerance)
 
 
 def choose_integrator(
@@ -191,23 +191,25 @@ def _by_scipy(body: RigidBody, potential: Potential) -> Integrator:
 def tolerances(integrator: Steps, tolerance: float) -> list[float]:
     """Return the local tolerances to try, of the coarser run: by the tolerance, then the finest."""
     finest = integrator.finest * integrator.tightening
-    first = FIRST_TRY * tolerance
+    first = FIRST_TOLERANCE_SHARE * tolerance
     # What is hardly looser than the finest would take the same steps.
     has_other_steps = first > integrator.tightening * finest
     return [min(first, integrator.coarsest), finest] if has_other_steps else [finest]
 
 
-def _held_motion(held: "Held", times: FloatArray, rests: FloatArray | None, local_tolerance: float) -> Motion:
+def _verified_motion(
+    verified: "VerifiedRun", times: FloatArray, rests: FloatArray | None, local_tolerance: float
+) -> Motion:
     from workers.solvers.integration.compiled import samples_of  # noqa: PLC0415
 
     return Motion(
         method="integration",
-        dense=DenseOutput(COLUMNS, held.breaks, held.coefficients, None, held.error),
+        dense=DenseOutput(COLUMNS, verified.breaks, verified.coefficients, None, verified.error),
         times=times,
-        samples=samples_of(held, times, rests),
+        samples=samples_of(verified, times, rests),
         rests=rests,
-        error=held.error,
-        energy=Estimate(held.energy, held.energy_error),
+        error=verified.error,
+        energy=Estimate(verified.energy, verified.energy_error),
         window=None,
         aperiodic=None,
         past=None,
@@ -216,19 +218,19 @@ def _held_motion(held: "Held", times: FloatArray, rests: FloatArray | None, loca
         conventions=(),
         evidence={
             "integrator": "taylor",
-            "steps": len(held.breaks) - 1,
+            "steps": len(verified.breaks) - 1,
             "local_tolerance": local_tolerance,
-            "difference_of_runs": held.difference,
-            GROWTH: held.growth,
-            DEFECT: held.defect,
-            DRIFT: held.drift,
+            "difference_of_runs": verified.difference,
+            GROWTH: verified.growth,
+            DEFECT: verified.defect,
+            DRIFT: verified.drift,
             COVERED: 1.0,
         },
     )
 
 
 def _motion(
-    twin: Twin,
+    pair: RunPair,
     body: RigidBody,
     potential: Potential,
     times: FloatArray,
@@ -238,11 +240,11 @@ def _motion(
 ) -> Motion:
     return Motion(
         method="integration",
-        dense=replace(twin.fine, error=error),
+        dense=replace(pair.fine, error=error),
         times=times,
-        samples=twin.fine(times),
+        samples=pair.fine(times),
         error=error,
-        energy=_energy(twin, body, potential, check),
+        energy=_energy(pair, body, potential, check),
         window=None,
         aperiodic=None,
         past=None,
@@ -251,16 +253,16 @@ def _motion(
         conventions=(),
         evidence={
             "integrator": name,
-            "steps": twin.steps,
-            "local_tolerance": twin.local_tolerance,
-            "difference_of_runs": float(twin.difference(check).max()),
-            GROWTH: float(twin.growth.max()),
+            "steps": pair.steps,
+            "local_tolerance": pair.local_tolerance,
+            "difference_of_runs": float(pair.difference(check).max()),
+            GROWTH: float(pair.growth.max()),
         },
     )
 
 
-def _energy(twin: Twin, body: RigidBody, potential: Potential, check: FloatArray) -> Estimate:
+def _energy(pair: RunPair, body: RigidBody, potential: Potential, check: FloatArray) -> Estimate:
     """Return the energy at t = 0; its error is how far it strays along the motion, which rounds it anew."""
-    states = twin.fine(np.concatenate([np.zeros(1), check]))
+    states = pair.fine(np.concatenate([np.zeros(1), check]))
     h = energy_integral(body, potential, states[:, :3], states[:, 3:])
-    return Estimate(float(h[0]), float(np.abs(h - h[0]).max() + ROUNDING * abs(h[0])))
+    return Estimate(float(h[0]), float(np.abs(h - h[0]).max() + SHARED_RELATIVE_ROUNDING * abs(h[0])))

@@ -30,9 +30,9 @@ from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Arc
 from workers.solvers.orbits.orbit import RATE_NUDGE, STATE_NUDGE, six_variables
 
-CONSTANT_BITS = 70
-WIDEST_ZONE = 80
-NARROWEST_ZONE = 1024
+CURVATURE_BITS = 70
+WIDEST_ZONE_BITS = 80
+NARROWEST_ZONE_BITS = 1024
 """−log2 of the zones' radii."""
 
 
@@ -97,11 +97,11 @@ class LoopStretch:
 
 
 def zone_depth(loop: Loop, near: NearRest) -> int:
-    """Return −log2 of a radius in v about the place, within which P''/2 is constant to 2^-CONSTANT_BITS."""
-    depth = WIDEST_ZONE
-    while depth <= NARROWEST_ZONE:
+    """Return −log2 of a radius in v about the place, within which P''/2 is constant to 2^-CURVATURE_BITS."""
+    depth = WIDEST_ZONE_BITS
+    while depth <= NARROWEST_ZONE_BITS:
         with ctx.workprec(4 * depth):
-            if _stiffness(loop.refined(), near, depth).rel_accuracy_bits() >= CONSTANT_BITS:
+            if _stiffness(loop.refined(), near, depth).rel_accuracy_bits() >= CURVATURE_BITS:
                 return depth
         depth += 24
     return depth
@@ -124,11 +124,11 @@ def make_slow(loop: Loop, near: NearRest, depth: int) -> Slow:
     """Return the near rest with its zone of radius 2^-depth, at the current precision."""
     K = _stiffness(loop, near, depth)
     # The reach is that of the place's own P'': of P'' elsewhere in the zone it is the same up to its ball.
-    widened = K * arb(1, arb(2) ** (2 - CONSTANT_BITS))
+    widened = K * arb(1, arb(2) ** (2 - CURVATURE_BITS))
     return Slow(near.v, near.reach, bool(near.square < 0), arb(2) ** -depth, widened, near.at)
 
 
-CLOSE = 2.0**-24
+SLOW_PHASE_RELATIVE_REACH = 2.0**-24
 """Reach, against the distance from the pole, below which other phases lose digits."""
 SPARE_BITS = 256
 
@@ -231,7 +231,7 @@ def is_slow(arc: Arc) -> bool:
 
 
 def _is_close(near: NearRest) -> bool:
-    return bool(near.reach < CLOSE * abs(near.v.sin()))
+    return bool(near.reach < SLOW_PHASE_RELATIVE_REACH * abs(near.v.sin()))
 
 
 def _on(arc: Arc, slow: Sequence[Slow]) -> list[Slow]:

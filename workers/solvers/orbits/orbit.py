@@ -27,7 +27,7 @@ RATE_NUDGE = arb(2) ** -30
 """dt/dθ is even about a turning point: 2^-30 beside it, it differs by 2^-60 of itself."""
 STATE_NUDGE = arb(2) ** -60
 """A state 2^-60 beside a point differs by less than an ulp."""
-_ON_LOOP = arb(1)
+_GENERIC_V = arb(1)
 """A v that is neither a pole nor the equator."""
 
 
@@ -134,7 +134,7 @@ class Rotation:
 
     def somewhere(self) -> arb:
         """Return v = 1, which is neither a pole nor the equator."""
-        return _ON_LOOP
+        return _GENERIC_V
 
     def rate(self, theta: arb) -> arb:
         """Return Z / (c √P)."""
@@ -155,7 +155,7 @@ class Rotation:
 
 def somewhere_on(arc: Arc) -> arb:
     """Return what the orbit of :func:`make_orbit` on a periodic arc says of itself, without making one."""
-    return _ON_LOOP if arc.is_whole_loop else _between(arc.lower, arc.upper)
+    return _GENERIC_V if arc.is_whole_loop else _between(arc.lower, arc.upper)
 
 
 def _between(lower: arb, upper: arb) -> arb:

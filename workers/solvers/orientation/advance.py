@@ -22,11 +22,11 @@ from flint import arb, ctx
 
 from service.dynamics.motion import Estimate
 from service.dynamics.reduction.geometry.loop import Loop, ball
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.solution.dense_output import Advance
 from workers.solvers.quadrature.time_map import make_time_map
 
-NUDGE = arb(2) ** -60
+EQUATOR_NUDGE = arb(2) ** -60
 """The integrand is even about the equator: 2^-60 beside it, it differs by less than a double shows."""
 
 
@@ -46,7 +46,7 @@ def loop_advances(loop: Loop, sense: int) -> tuple[Advance, Advance]:
     QuadratureNotConvergedError, PrecisionLostError
         The curve is too extreme.
     """
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         refined = loop.refined()
         swept = make_time_map(lambda theta: _rate(refined, theta), (1.0,), is_even=True).period
         first = arb(swept.hi) + arb(swept.lo)
@@ -71,7 +71,7 @@ def _rate(loop: Loop, theta: arb) -> arb:
     if sine.contains(0):
         return arb(0)
     if cosine.contains(0):
-        sine, cosine = (theta + NUDGE).sin_cos()
+        sine, cosine = (theta + EQUATOR_NUDGE).sin_cos()
     at = loop.point_from(sine, cosine)
     return ball(loop.alpha) * loop.Z * abs(at.g1) / (at.c * (at.g2 * at.g2 + at.g3 * at.g3))
 

@@ -1,26 +1,25 @@
-"""The precession per period in compiled doubles; what they do not decide is left to balls.
+"""The precession per period in compiled doubles; apart, since it loads the compiler.
+
+Motions that doubles do not decide are left to balls.
 
 Single jobs and sweeps call this same function.
 """
 
-import math
 from collections.abc import Callable
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.solution.dense_output import Advance
+from service.dynamics.solution.dense_output import TURN, TURN_LOW, Advance
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.precession import advance_of
 from workers.solvers.compiled.records import Records, copied
 from workers.solvers.orientation.advance import loop_advances
 
-TURN, REST_OF_TURN = 2.0 * math.pi, 2.4492935982947064e-16
-"""2π in two doubles."""
-SUMMED = 2.0**-102
+SUM_ERROR = 2.0**-102
 """Error of a sum with 2π in two doubles: 2^-105 of 2π, and half an ulp of what is left, 2^-50 at most."""
-LARGEST_ERROR = 1e-13
+MAX_ADVANCE_ERROR = 1e-13
 """Largest error of an advance: a curve that is so extreme that doubles know it worse is left to balls."""
 
 
@@ -42,11 +41,11 @@ def advances_by_doubles(loops: Records, sense: int) -> tuple[Advance, Advance] |
     """
     loops = copied(loops)
     first, error = advance_of(loops)
-    if not is_within(error, LARGEST_ERROR):
+    if not is_within(error, MAX_ADVANCE_ERROR):
         return None
     rest, lo = _sum_of_turn(-first)
     # The mirror to A < C exchanges the axes and turns ψ round.
-    alone, summed = Advance(sense * first, 0.0, error), Advance(sense * rest, sense * lo, error + SUMMED)
+    alone, summed = Advance(sense * first, 0.0, error), Advance(sense * rest, sense * lo, error + SUM_ERROR)
     return (summed, _turned(alone)) if loops[0]["mirrored"] else (alone, _turned(summed))
 
 
@@ -58,6 +57,6 @@ def _turned(advance: Advance) -> Advance:
 def _sum_of_turn(value: float) -> tuple[float, float]:
     """Return the sum of 2π and a value of at most that size in two doubles (Dekker)."""
     hi = TURN + value
-    left = value - (hi - TURN) + REST_OF_TURN
+    left = value - (hi - TURN) + TURN_LOW
     rounded = hi + left
     return rounded, left - (rounded - hi)

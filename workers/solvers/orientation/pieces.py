@@ -26,18 +26,18 @@ from service.dynamics.solution.dense_output import (
     chebyshev_points,
 )
 
-DEGREE = 20
+MIN_DEGREE = 20
 """Smallest degree of the series; that of the motion's own if it is higher."""
-RESOLVED = 1e-15
+MAX_TAIL = 1e-15
 """Largest tail of a resolved series: the rounding of values of size one."""
-LARGEST_TURN = 1.0
+MAX_PICARD_TURN = 1.0
 """η |ω|: beyond it Picard's iteration loses digits by cancellation, like the exponential's series."""
-SWEEPS = 24
+PICARD_STEPS = 24
 """Number of steps of Picard's iteration: 1/24! is below 2^-53 by many orders."""
-SHORTEST = 8
+MIN_HALF_PIECE_ULPS = 8
 """Half a piece in ulp of its times, below which it is not halved."""
-MOST_PIECES = 400_000
-CHUNK = 2048
+MAX_PIECES = 400_000
+PIECES_TOGETHER = 2048
 """Pieces looked at together, for the sake of memory."""
 
 
@@ -94,12 +94,12 @@ def resolve_attitude(dense: DenseOutput, axes: tuple[int, ...], *, closest: floa
     VerticalAxisError
         One of ``axes`` comes closer to the vertical than the angle ``closest``.
     OrientationNotResolvedError
-        More than MOST_PIECES pieces would be needed, or shorter ones than times can tell.
+        More than MAX_PIECES pieces would be needed, or shorter ones than times can tell.
     """
     solver = _Solver(dense, axes, closest)
     done: list[Pieces] = []
-    for start in range(0, len(dense.breaks) - 1, CHUNK):
-        parent = np.arange(start, min(start + CHUNK, len(dense.breaks) - 1))
+    for start in range(0, len(dense.breaks) - 1, PIECES_TOGETHER):
+        parent = np.arange(start, min(start + PIECES_TOGETHER, len(dense.breaks) - 1))
         low, high = np.full(len(parent), -1.0), np.full(len(parent), 1.0)
         while len(parent):
             pieces = solver.solve(parent, low, high)
@@ -108,8 +108,8 @@ def resolve_attitude(dense: DenseOutput, axes: tuple[int, ...], *, closest: floa
             middle = 0.5 * (rest.low + rest.high)
             parent = np.concatenate([rest.parent, rest.parent])
             low, high = np.concatenate([rest.low, middle]), np.concatenate([middle, rest.high])
-            if len(parent) + sum(len(part.parent) for part in done) > MOST_PIECES:
-                raise OrientationNotResolvedError(f"the attitude would need more than {MOST_PIECES} pieces")
+            if len(parent) + sum(len(part.parent) for part in done) > MAX_PIECES:
+                raise OrientationNotResolvedError(f"the attitude would need more than {MAX_PIECES} pieces")
     joined = Pieces(*(np.concatenate([getattr(part, name) for part in done]) for name in Pieces.__slots__))
     return joined.chosen(np.lexsort((joined.low, joined.parent)))
 
@@ -119,7 +119,7 @@ class _Solver:
 
     def __init__(self, dense: DenseOutput, axes: tuple[int, ...], closest: float) -> None:
         self._dense, self._axes, self._closest = dense, axes, closest
-        degree = max(DEGREE, dense.coefficients.shape[1] - 1)
+        degree = max(MIN_DEGREE, dense.coefficients.shape[1] - 1)
         self._points = chebyshev_points(degree)
         self._gap = np.pi / degree
         self._interpolation = chebyshev_coefficients(np.eye(degree + 1))
@@ -140,15 +140,15 @@ class _Solver:
             axis=1,
         )
         sizes = np.maximum(1.0, np.abs(increments).max(axis=1))
-        is_short = half <= SHORTEST * np.spacing(np.maximum(np.abs(left), np.abs(right)))
+        is_short = half <= MIN_HALF_PIECE_ULPS * np.spacing(np.maximum(np.abs(left), np.abs(right)))
         # Close to the vertical the rounding of the variables themselves is seen enlarged.
-        allowed = RESOLVED * sizes + EPSILON * weights
-        is_fine = (tails[:, 0] <= RESOLVED) & (tails[:, 1:] <= allowed).all(axis=1)
+        allowed = MAX_TAIL * sizes + EPSILON * weights
+        is_fine = (tails[:, 0] <= MAX_TAIL) & (tails[:, 1:] <= allowed).all(axis=1)
         # Between two nodes an axis comes closer to the vertical by half their distance at most.
         is_seen = turn * self._gap <= tilts
-        if np.any(is_short & (turn > LARGEST_TURN)):
+        if np.any(is_short & (turn > MAX_PICARD_TURN)):
             raise OrientationNotResolvedError("the body turns faster than times in doubles can tell")
-        is_resolved = (is_fine & is_seen & (turn <= LARGEST_TURN)) | is_short
+        is_resolved = (is_fine & is_seen & (turn <= MAX_PICARD_TURN)) | is_short
         return Pieces(parent, low, high, motion, propagators, series, tails, weights, is_resolved)
 
     def _motion(
@@ -167,10 +167,10 @@ class _Solver:
     def _propagators(self, omega: FloatArray, half: FloatArray) -> FloatArray:
         """Return Φ at the points; meaningless where the piece turns too far."""
         rate = 0.5 * half[:, None, None] * np.pad(omega, ((0, 0), (0, 0), (1, 0)))
-        rate = rate * np.where(np.abs(rate).max(axis=(1, 2), keepdims=True) <= LARGEST_TURN, 1.0, 0.0)
+        rate = rate * np.where(np.abs(rate).max(axis=(1, 2), keepdims=True) <= MAX_PICARD_TURN, 1.0, 0.0)
         identity = np.array([1.0, 0.0, 0.0, 0.0])
         phi = np.broadcast_to(identity, rate.shape)
-        for _ in range(SWEEPS):
+        for _ in range(PICARD_STEPS):
             phi = identity + self._integration @ quaternion_product(phi, rate)
         return phi
 

@@ -30,7 +30,7 @@ from service.dynamics.bounds import largest
 from service.dynamics.equations.orientation import (
     LOCAL_QUATERNION,
     QUATERNION,
-    VERTICAL,
+    VERTICAL_ANGLE,
     attitude,
     orientation_columns,
     quaternion_product,
@@ -48,12 +48,12 @@ from service.dynamics.solution.dense_output import (
 from workers.solvers.orientation.advance import Precession, estimate, loop_advances
 from workers.solvers.orientation.pieces import Pieces, VerticalAxisError, resolve_attitude
 
-CLOSEST_PERIODIC = 1e-10
+PERIODIC_VERTICAL_ANGLE = 1e-10
 """Angle from the vertical where the azimuths cannot be done without: there, the axes are never vertical."""
 AXES = {"psi1": 0, "psi3": 2}
-ROUNDING = 4.0 * EPSILON
+RATE_RELATIVE_ROUNDING = 4.0 * EPSILON
 """Rounding error of a rate, relative to its terms; and of a product of quaternions."""
-UNSEEN = 2.0
+UNSEEN_FACTOR = 2.0
 """Factor for the places between the points that are looked at."""
 
 
@@ -103,7 +103,7 @@ def with_orientation(motion: Motion, advances_of: Advances = loop_advances) -> O
 def _resolve(dense: DenseOutput) -> tuple[tuple[str, ...], Pieces, tuple[str, ...]]:
     """Return the angles that have a meaning, the pieces, and the reasons for those that have none."""
     names, notices = list(AXES), list[str]()
-    closest = VERTICAL if dense.period is None else CLOSEST_PERIODIC
+    closest = VERTICAL_ANGLE if dense.period is None else PERIODIC_VERTICAL_ANGLE
     while True:
         try:
             axes = tuple(AXES[name] for name in names)
@@ -185,11 +185,11 @@ def _errors(
     """Return the bounds within the breaks of the quaternion and the angles; see the head of the module."""
     span = float(dense.breaks[-1] - dense.breaks[0])
     weights = np.array([0.5 * math.sqrt(3.0) * span, *pieces.weights.sum(axis=0)])
-    bounds = (dense.error + ROUNDING) * weights + 2.0 * pieces.tails.sum(axis=0)
-    bounds += ROUNDING * math.sqrt(len(pieces.parent))
+    bounds = (dense.error + RATE_RELATIVE_ROUNDING) * weights + 2.0 * pieces.tails.sum(axis=0)
+    bounds += RATE_RELATIVE_ROUNDING * math.sqrt(len(pieces.parent))
     g2, g3 = dense(np.zeros(1))[0, 4:6].tolist()
     tilt = math.hypot(g2, g3)
-    bounds[0] += ROUNDING / (tilt if tilt > VERTICAL else 1.0)
+    bounds[0] += RATE_RELATIVE_ROUNDING / (tilt if tilt > VERTICAL_ANGLE else 1.0)
     if loop is not None and names == tuple(AXES):
         # NaN, where the curve tells nothing, is no bound.
         bounds = np.fmin(bounds, _along_the_curve(dense, loop))
@@ -238,7 +238,9 @@ def _along_the_curve(dense: DenseOutput, loop: Loop) -> FloatArray:
         seen = float(np.ptp(psi - along - (np.cumsum(along[:, 0]) - along[:, 0])[:, None]))
         reach = float(np.nanmax(np.abs(both) / (square * widest)))
         bounds.append(
-            UNSEEN * (seen + moved) + 2.0 * reach * dense.error + ROUNDING * float(np.abs(psi).max())
+            UNSEEN_FACTOR * (seen + moved)
+            + 2.0 * reach * dense.error
+            + RATE_RELATIVE_ROUNDING * float(np.abs(psi).max())
         )
     psi1, lean = values[:, :, dense.columns.index("psi1")], np.sqrt(g2 * g2 + g3 * g3)
     first = dense.columns.index(LOCAL_QUATERNION[0])
@@ -249,7 +251,7 @@ def _along_the_curve(dense: DenseOutput, loop: Loop) -> FloatArray:
     tilted = np.sqrt(sum((there - g) ** 2 for there, g in zip(row, (g1, g2, g3), strict=True)))
     seen = float(((np.abs(turned) + tilted) / lean).max())
     tilt = math.sqrt(3.0) * dense.error / float(lean.min())
-    return np.array([0.5 * (bounds[0] + tilt + UNSEEN * seen) + ROUNDING, *bounds])
+    return np.array([0.5 * (bounds[0] + tilt + UNSEEN_FACTOR * seen) + RATE_RELATIVE_ROUNDING, *bounds])
 
 
 def _distances(loop: Loop, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> FloatArray:

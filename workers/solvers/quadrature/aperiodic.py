@@ -16,7 +16,7 @@ from workers.solvers.assembly.dense import Sampler, resolve_motion
 from workers.solvers.assembly.families import conventions_of, energy_of, evidence_of
 from workers.solvers.assembly.time_map import TimeMap
 from workers.solvers.errors import EndNotKnownError, PrecisionLostError
-from workers.solvers.evidence import with_claim_shown
+from workers.solvers.evidence import with_claim_raised
 from workers.solvers.orbits.orbit import starting_state
 from workers.solvers.quadrature.flight import Flight, Reach, asymptote, make_flight, reach
 from workers.solvers.quadrature.phase_sampler import phase_sampler
@@ -53,7 +53,7 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
     all_asked = sample_times(problem.time, None)
     times = all_asked.doubles
     if kind == "equilibrium":
-        return with_claim_shown(problem.body, problem.potential, _rest(window, start, times))
+        return with_claim_raised(problem.body, problem.potential, _rest(window, start, times))
     if "double" in (start.arc.lower_end, start.arc.upper_end) and ctx.prec < DOUBLE_ZERO_BITS:
         raise PrecisionLostError("a double zero is known to fewer digits than its neighbourhood needs")
     asked = float(np.abs(times).max(initial=0.0))
@@ -106,7 +106,7 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
         rests=rests,
         first_passage=float(abs(first)) if conventions and len(passages) else None,
     )
-    return with_claim_shown(problem.body, problem.potential, motion)
+    return with_claim_raised(problem.body, problem.potential, motion)
 
 
 def _rest(window: Window, start: StartingPoint, times: FloatArray) -> Motion:

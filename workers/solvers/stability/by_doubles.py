@@ -1,4 +1,6 @@
-"""The stability of periodic planar motions in compiled doubles; what they do not decide is left to balls.
+"""The stability of periodic planar motions in compiled doubles; apart, since it loads the compiler.
+
+Motions that doubles do not decide are left to balls.
 
 Single jobs and sweeps call this same function: its numbers do not depend on how the motion itself was solved.
 """

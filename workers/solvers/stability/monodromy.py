@@ -65,14 +65,14 @@ def gauss_collocation() -> Collocation:
     return Collocation(stages, weights, 0.5 * (primitives @ P[:, :-1].T) * weights)
 
 
-RESOLVED = 1e-14
+PROPAGATOR_RELATIVE_CHANGE = 1e-14
 """Change of a propagator by halving its panel, in parts of its norm: some roundings. What is kept
 is better still by 2^-32 where the order of the collocation is felt."""
-ROUNDINGS = 4.0
+PROPAGATOR_ROUNDINGS = 4.0
 """Roundings of its norm a propagator is charged with: those of A, of the solution, of the product."""
-SMALLEST_PANEL = 1e-15
+MIN_PANEL_WIDTH = 1e-15
 MAX_PANELS = 2000
-DISTANCES = (arb(2) ** -16, arb(2) ** -26)
+POLE_PHASE_DISTANCES = (arb(2) ** -16, arb(2) ** -26)
 """Distances from a pole, in θ: near enough for the leading term of A, far beyond the rounding of the corners.
 A power −0.9 of the distance still halves its product with the distance between the two."""
 
@@ -122,7 +122,9 @@ class _Panel:
 
     @property
     def is_resolved(self) -> bool:
-        return self.error <= (RESOLVED + ROUNDINGS * EPSILON) * _norm(self.propagator)
+        return self.error <= (PROPAGATOR_RELATIVE_CHANGE + PROPAGATOR_ROUNDINGS * EPSILON) * _norm(
+            self.propagator
+        )
 
 
 def turn_monodromy(system: LinearSystem, orbit: Libration | Rotation) -> Monodromy:
@@ -150,7 +152,7 @@ def turn_monodromy(system: LinearSystem, orbit: Libration | Rotation) -> Monodro
         following: list[_Panel] = []
         for whole, first, second in zip(waiting, halves[::2], halves[1::2], strict=True):
             merged = _merged(whole, first, second)
-            if merged.is_resolved or whole.right - whole.left < SMALLEST_PANEL:
+            if merged.is_resolved or whole.right - whole.left < MIN_PANEL_WIDTH:
                 done.append(merged)
             else:
                 following.extend([first, second])
@@ -174,7 +176,7 @@ def _require_integrable(system: LinearSystem, orbit: Libration | Rotation) -> No
         for side in (-1, 1):
             far, near = (
                 _norm(system.matrix(arb.pi() * corner + side * distance)) * float(distance)
-                for distance in DISTANCES
+                for distance in POLE_PHASE_DISTANCES
             )
             if not near < 0.5 * far:
                 raise StabilityUndefinedError(
@@ -207,7 +209,7 @@ def _merged(whole: _Panel, first: _Panel, second: _Panel) -> _Panel:
     size = _norm(product)
     change = _norm(product - whole.propagator)
     # tr A = 0: the determinant is 1 and shows roundings that halving does not.
-    stray = abs(float(np.linalg.det(product)) - 1.0) + ROUNDINGS * EPSILON
+    stray = abs(float(np.linalg.det(product)) - 1.0) + PROPAGATOR_ROUNDINGS * EPSILON
     return _Panel(whole.left, whole.right, product, change + stray * size)
 
 

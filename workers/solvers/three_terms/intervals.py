@@ -61,12 +61,12 @@ def positive_stretches(
         raise RootsUndecidedError("two roots cannot be told apart")
     edges = [arb(0), *inner, equator]
     found = []
-    for place, (lo, hi) in enumerate(pairwise(edges)):
+    for index, (lo, hi) in enumerate(pairwise(edges)):
         value = function(((lo + hi) / 2).mid())
         if not (value > 0 or value < 0):
             raise RootsUndecidedError("the sign between two roots")
         if value > 0:
-            found.append(Between(lo, hi, place > 0, place < len(edges) - 2))
+            found.append(Between(lo, hi, index > 0, index < len(edges) - 2))
     return tuple(found)
 
 

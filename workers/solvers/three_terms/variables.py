@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from service.dynamics.reduction.geometry.loop import ball
 from workers.solvers.three_terms.intervals import MotionInterval
 
+FloatArray = NDArray[np.float64]
+
 
 def R_F(x: arb, y: arb, z: arb) -> arb:
     """Return R_F of three numbers ≥ 0, of which at most one is 0."""
@@ -57,9 +59,6 @@ def moduli(interval: MotionInterval) -> tuple[arb, arb]:
     first, second = interval.linear_factors()
     factor = interval.curve.factor
     return (factor * first[0] * second[1]).sqrt(), (factor * first[1] * second[0]).sqrt()
-
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from service.dynamics.potentials.families.general_solution import Quadrant
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import Part, with_values
@@ -112,7 +112,7 @@ class Poles:
 
 def smooth_poles(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> Poles | None:
     """Return the second derivatives at the poles if every member is smooth there, else None."""
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         for member in family.members:
             if not make_loop(body, member.potential, motion).is_smooth_at_poles():
                 return None
@@ -211,7 +211,7 @@ class Energies:
         """Return the energy of each point and the bound of its error as a job has them; NaN if in doubt."""
         known: dict[tuple[int, int], tuple[arb, ...]] = {}
         found: list[tuple[float, float]] = []
-        with ctx.workprec(PRECISION):
+        with ctx.workprec(REDUCTION_BITS):
             for row, square in zip(parameters, lambdas_squared, strict=True):
                 key = int(square.p), int(square.q)
                 terms = known.get(key)

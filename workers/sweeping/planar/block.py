@@ -15,7 +15,7 @@ from service.dynamics.problem import Times
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import Part, with_values
 from service.schemas.sweep.sweep import Sweep, json_number
-from workers.solvers.choose import QUICK, compiled_tier
+from workers.solvers.choose import QUICK_SPEED, compiled_tier
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.units import Units
@@ -117,7 +117,7 @@ class BlockSolver:
             if self._quick.problem.accuracy.measure == "above 1" and missed.any():
                 # As a job does: who misses a tier is asked in its own units if it is quick.
                 speeds = self._speeds(here, group)
-                own[missed & (speeds >= QUICK)] = speeds[missed & (speeds >= QUICK)]
+                own[missed & (speeds >= QUICK_SPEED)] = speeds[missed & (speeds >= QUICK_SPEED)]
         if self._outputs.are_any:
             return
         units = [Units.of(speed, self._quick.problem.body) for speed in own.tolist()]

@@ -14,12 +14,12 @@ import numpy as np
 from flint import arb, ctx, fmpq
 from numpy.typing import NDArray
 
-from service.dynamics.body import LARGEST_RATIO
+from service.dynamics.body import MAX_MOMENT_RATIO
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import PlanarMotion, Problem, Times
 from service.dynamics.reduction.geometry.loop import make_loop
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.verdict.proofs.power_sums import CurveEnergy, Judgement, judge_power_sum
 from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError, number_of
 from service.schemas.sweep.sweep import Sweep
@@ -170,7 +170,7 @@ class MovingSolver:
     def _is_body(self, moments: MomentsOfPoint) -> bool:
         """Tell whether there is such a body, and planar motions of it."""
         A, B, C = moments
-        if A <= 0 or C <= 0 or A == C or A > LARGEST_RATIO * C or C > LARGEST_RATIO * A:
+        if A <= 0 or C <= 0 or A == C or A > MAX_MOMENT_RATIO * C or C > MAX_MOMENT_RATIO * A:
             return False
         if B is None:
             return True
@@ -257,7 +257,7 @@ class MovingSolver:
         self, decided: BoolArray, swept: Swept, motion: PlanarMotion, members: Sequence[_Point]
     ) -> None:
         """Leave motions to single jobs that pass a pole by a convention."""
-        with ctx.workprec(PRECISION):
+        with ctx.workprec(REDUCTION_BITS):
             for n in np.flatnonzero(decided & swept.passes_pole).tolist():
                 each = members[n]
                 potential = self._moving.model.potential(each.moments, each.numbers)
@@ -280,7 +280,7 @@ def _bodies(members: Sequence[_Point]) -> Bodies:
 def _energy(each: _Point, square: fmpq, motion: PlanarMotion) -> tuple[float, float]:
     """Return the energy on the curve of λ², and the bound of its error, as a job has them."""
     total, largest = arb(0), max(map(abs, map(float, each.values)), default=0.0)
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         for term in each.energy.terms:
             half = term.power / 2
             power = arb(square ** int(half.p)) if half.q == 1 else arb(square) ** arb(half)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from service.dynamics.formula.algebras.interval_bounds import ARITHMETIC, FUNCTIONS, LARGEST_LOGARITHM
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
-    NARROWEST,
+    CELL_MIN_RELATIVE_WIDTH,
     Cells,
     all_negative,
     heights_of,
@@ -103,7 +103,7 @@ def have_no_motion(
         return known
 
     is_known = np.array([each is not None for each in sums]) & ~np.isnan(Z[0]) & ~np.isnan(G[0])
-    return all_negative(signs, is_known, np.full(count, NARROWEST))
+    return all_negative(signs, is_known, np.full(count, CELL_MIN_RELATIVE_WIDTH))
 
 
 _Row = list[tuple[float, float, float, float, float, float]]

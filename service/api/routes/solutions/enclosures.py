@@ -12,7 +12,7 @@ from service.api.middleware.heavy_answers import heavy
 from service.api.queries.queries import without_query
 from service.api.replies.errors import ApiError
 from service.api.replies.responses import SolutionId, json_response, refusals
-from service.api.tagged import told_of
+from service.api.tagged import validator_headers
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, as_decimals, join
 from service.schemas.problem.trusted import ONE_AT_A_TIME
@@ -33,7 +33,7 @@ router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 @heavy
 def get_enclosures(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Return the six variables at the exact times that were asked, as decimals with proven radii."""
-    told = told_of(request, inside)
+    told = validator_headers(request, inside)
     stored = decode_arrays(inside.solutions.samples(solution_id))
     names = [name for name in COLUMNS if f"{name}.{RADIUS}" in stored]
     if not names:

@@ -15,7 +15,7 @@ from service.api.queries.lists import AskingQuery, Listing, page_answer, read_li
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
 from service.api.replies.records import solution_out
 from service.api.replies.responses import JSON, SolutionId, json_content, refusals
-from service.api.tagged import told_of
+from service.api.tagged import validator_headers
 from service.dynamics.methods import SolvedBy
 from service.dynamics.problem import Tier
 from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject, equals
@@ -113,8 +113,8 @@ def _page(request: Request, listing: Listing, inside: Resources) -> Response:
 )
 def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Show a solution without its arrays."""
-    standing, marks = inside.remembered.get(standing_and_marks, solution_id)
-    told = told_of(request, inside, (standing, marks))
+    standing, marks = inside.reads.get(standing_and_marks, solution_id)
+    told = validator_headers(request, inside, (standing, marks))
 
     def content() -> bytes:
         # With the marks that are in the tag: they may have changed since.

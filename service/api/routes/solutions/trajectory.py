@@ -28,7 +28,7 @@ from service.api.queries.queries import (
 )
 from service.api.replies.errors import ApiError
 from service.api.replies.responses import SolutionId, refusals
-from service.api.tagged import told_of
+from service.api.tagged import validator_headers
 from service.dynamics.equations.orientation import (
     QUATERNION,
     column_names,
@@ -122,7 +122,7 @@ def get_trajectory(
     faults = [*asked.faults, *([] if is_stored else _faults_of_times(asked, inside.settings))]
     if faults:
         refuse_if_any([*faults, *_faults_of_columns(inside, solution_id, query.columns)])
-    told = told_of(request, inside)
+    told = validator_headers(request, inside)
     if is_stored:
         packet = inside.solutions.samples_if_kept(solution_id)
         samples = _remade(inside, solution_id) if packet is None else _stored(inside, solution_id, packet)
@@ -150,7 +150,7 @@ def get_trajectory(
 @heavy
 def get_function(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Return the motion as a function of time, which clients evaluate at any times themselves."""
-    told = told_of(request, inside)
+    told = validator_headers(request, inside)
     dense = decode_dense(inside.solutions.dense(solution_id))
     _require_series(dense.columns)
     return write_function(dense, told)

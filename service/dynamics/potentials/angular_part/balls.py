@@ -18,10 +18,10 @@ from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.angular_part.curve_function import CurveFunction
 from service.dynamics.potentials.angular_part.powers import angular_of_power, powers_of
 
-WIDEST = 64
+MAX_LOG_W = 64
 """Kinks are looked for at |log w| up to this; beyond them F is left as it is."""
-MOST_KINKS = 16
-MOST_STRETCHES = 2000
+MAX_KINKS = 16
+MAX_STRETCHES = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class CurvePiece:
 
 
 def curve_pieces(tape: Tape) -> tuple[CurvePiece, ...]:
-    """Return pieces that cover |log w| ≤ WIDEST, at the current precision; none if F has no kinks there."""
+    """Return pieces that cover |log w| ≤ MAX_LOG_W, at the current precision; none if F has no kinks."""
     return _pieces_at(tape, ctx.prec)
 
 
@@ -69,11 +69,11 @@ Stretch = tuple[arb, arb, tuple[int, ...]]
 def _stretches(arguments: Sequence[Tape], bits: int) -> list[Stretch] | None:
     """Return stretches of log w in order, with the signs of the arguments, 0 at kinks; None if too many."""
     shortest = arb(2) ** -bits
-    pending = [(arb(k), arb(k + 1)) for k in reversed(range(-WIDEST, WIDEST))]
+    pending = [(arb(k), arb(k + 1)) for k in reversed(range(-MAX_LOG_W, MAX_LOG_W))]
     done: list[Stretch] = []
-    for _ in range(MOST_STRETCHES):
+    for _ in range(MAX_STRETCHES):
         if not pending:
-            return done if sum(0 in signs for *_, signs in done) <= 2 * MOST_KINKS else None
+            return done if sum(0 in signs for *_, signs in done) <= 2 * MAX_KINKS else None
         lower, upper = pending.pop()
         w = lower.union(upper).exp()
         signs = tuple(_sign(argument, w) for argument in arguments)

@@ -50,15 +50,15 @@ FloatArray = NDArray[np.float64]
 IntegrandFunction = Callable[[FloatArray], FloatArray]
 """Returns values of shape (functions, *shape of w), at w of any shape."""
 
-NODES = 20
-RESOLVED = 1e-8
+PANEL_NODES = 20
+TAIL_RELATIVE_SIZE = 1e-8
 """Largest tail of a panel's Legendre series against its size. The rule is exact up to the degree
 2·20 − 1: what it leaves out is of the order of the tail squared, 1e-16."""
-NEGLIGIBLE = 1e-17
+TAIL_SHARE_OF_WHOLE = 1e-17
 """Panels whose tail is below this share of the whole need not be resolved."""
 MAX_HALVINGS = 60
 """Where the halving stops: what is unresolved then is returned as NaN."""
-CHUNK = 4096
+PANELS_TOGETHER = 4096
 """Panels evaluated at once: some MB per operation."""
 
 
@@ -137,7 +137,9 @@ def _integrate(line: _Line, start: FloatArray, end: FloatArray) -> FloatArray:
                 largest = np.abs(values).max(axis=-1)
                 np.maximum.at(size, point, (np.abs(half) * largest).max(axis=0))
                 # NaN fails the comparison and is not halved either: it stays.
-                rough = (tail > RESOLVED * largest) & (np.abs(half) * tail > NEGLIGIBLE * size[point])
+                rough = (tail > TAIL_RELATIVE_SIZE * largest) & (
+                    np.abs(half) * tail > TAIL_SHARE_OF_WHOLE * size[point]
+                )
             again = rough.any(axis=0)
             keep = ~again
             for function, length in zip(total, lengths, strict=True):
@@ -149,7 +151,7 @@ def _integrate(line: _Line, start: FloatArray, end: FloatArray) -> FloatArray:
         if not pending:
             break
     if total is None:  # no points: the functions give the shape
-        return np.zeros((len(line(np.zeros(0, dtype=np.intp), np.zeros((0, NODES)))), 0))
+        return np.zeros((len(line(np.zeros(0, dtype=np.intp), np.zeros((0, PANEL_NODES)))), 0))
     for point, _, _ in pending:
         total[:, point] = np.nan
     return total
@@ -162,7 +164,8 @@ def _chunks(
         return []
     point, left, right = (np.concatenate(parts) for parts in zip(*pending, strict=True))
     return [
-        (point[k : k + CHUNK], left[k : k + CHUNK], right[k : k + CHUNK]) for k in range(0, len(point), CHUNK)
+        (point[k : k + PANELS_TOGETHER], left[k : k + PANELS_TOGETHER], right[k : k + PANELS_TOGETHER])
+        for k in range(0, len(point), PANELS_TOGETHER)
     ]
 
 
@@ -173,14 +176,14 @@ class _Rule:
     points: FloatArray
     weights: FloatArray
     tail: FloatArray
-    """Matrix that takes values at the points to the last two Legendre coefficients, shape (NODES, 2)."""
+    """Matrix from values at the points to the last two Legendre coefficients, shape (PANEL_NODES, 2)."""
 
 
 @cache
 def _rule() -> _Rule:
-    points, weights = np.polynomial.legendre.leggauss(NODES)
-    vandermonde = np.polynomial.legendre.legvander(points, NODES - 1)[:, -2:]
-    degrees = np.arange(NODES - 2, NODES)
+    points, weights = np.polynomial.legendre.leggauss(PANEL_NODES)
+    vandermonde = np.polynomial.legendre.legvander(points, PANEL_NODES - 1)[:, -2:]
+    degrees = np.arange(PANEL_NODES - 2, PANEL_NODES)
     return _Rule(points, weights, weights[:, None] * vandermonde * (degrees + 0.5))
 
 
@@ -213,8 +216,15 @@ class AngularField:
     def ball(self, g1: arb, g3: arb, order: int) -> "AngularJet[arb]":
         """Return enclosures of V1 with ``order`` ≤ 2 derivatives."""
         functions = self.F.ball(curve_ball(self.body, g1, g3), order)
-        angle = self.reference_angle.evaluate(BallAlgebra(), ())
-        values = angular_balls(self.body, self.F, order, g1, g3, angle)
+        values = angular_balls(self.body, self.F, order, g1, g3, self.angle())
+        return self.jet(g1, g3, functions, values)
+
+    def angle(self) -> arb:
+        """Return φ0."""
+        return self.reference_angle.evaluate(BallAlgebra(), ())
+
+    def jet(self, g1: arb, g3: arb, functions: tuple[arb, ...], values: tuple[arb, ...]) -> "AngularJet[arb]":
+        """Return the derivatives that follow from F, θF, ... and V1[F], V1[θF], ..."""
         return AngularJet(_Numbers.of(self, BallAlgebra()), g1, g3, functions, values)
 
 

@@ -21,7 +21,7 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.power_sums import ONE, PowerAlgebra, PowerSum, Small
 from service.dynamics.formula.tape import Tape
 
-SOMEWHERE = Fraction(2, 3)
+GENERIC_W = Fraction(2, 3)
 """A value of w at which the formula is followed."""
 
 
@@ -37,7 +37,7 @@ def powers_of(tape: Tape, alpha: Fraction) -> Mapping[Fraction, arb] | None:
 def _powers_at(tape: Tape, alpha: Fraction, bits: int) -> Mapping[Fraction, arb] | None:
     with ctx.workprec(bits):
         base = BallAlgebra()
-        algebra = PowerAlgebra(base, Small(base.constant(SOMEWHERE), 1, 1))
+        algebra = PowerAlgebra(base, Small(base.constant(GENERIC_W), 1, 1))
         found = tape.evaluate(algebra, (PowerSum({(Fraction(1), 0): Fraction(1)}),))
         terms = {power[0]: algebra.value(PowerSum({ONE: factor})) for power, factor in found.terms.items()}
     if algebra.powers or not all(value.is_finite() for value in terms.values()):

@@ -15,7 +15,7 @@ from service.dynamics.potentials.terms.bound_formula import require_parameter_na
 
 FAMILY = "expression"
 EXPRESSION_POINTER = "/potential/expression"
-KEPT = 64
+FORMULAS_CACHED = 64
 """Formulas that are remembered with their parameters and moments: lists and sweeps ask for the same ones."""
 
 
@@ -39,7 +39,7 @@ def expression_potential(text: str, parameters: Mapping[str, Fraction], body: Ri
         raise error.at(pointer=EXPRESSION_POINTER) from error
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=FORMULAS_CACHED)
 def _made(text: str, parameters: tuple[tuple[str, Fraction], ...], body: RigidBody) -> FormulaPotential:
     numbers = {"A": body.A, "B": body.B, "C": body.C, **dict(parameters)}
 

@@ -31,7 +31,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import DomainBalls
 from service.dynamics.formula.tape import Instruction
-from service.dynamics.keeping import Remembering
+from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.height import (
@@ -246,7 +246,7 @@ def _primed(body: RigidBody) -> tuple[Fraction, Fraction, Fraction, bool]:
     return A, C, C / ((A - C) * A), mirrored
 
 
-_moments_of = Remembering(_primed)
+_moments_of = IdentityCache(_primed)
 
 
 def start_g3_sign(loop: Loop, motion: PlanarMotion) -> int:
@@ -272,7 +272,7 @@ def _none_yet(_: tuple[Instruction, ...]) -> dict[tuple[tuple[str, ...], int, in
     return {}
 
 
-_of_formula = Remembering(_none_yet)
+_of_formula = IdentityCache(_none_yet)
 
 
 def _has_bounded_curvatures(potential: Potential) -> bool:

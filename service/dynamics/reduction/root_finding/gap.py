@@ -23,15 +23,15 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint, ball
 
-MOST_BITS = 1 << 18
+MAX_GAP_BITS = 1 << 18
 """Largest precision in bits: enough to distinguish exp(−100000) from 0."""
-MOST_WORK = 1 << 25
+MAX_BIT_INSTRUCTIONS = 1 << 25
 """Bits times instructions of the formula: some seconds on one core."""
 KNOWN_BITS = 64
 """Required relative accuracy of a gap."""
-OF_INTEGRAL = 1 << 16
+INTEGRAL_INSTRUCTIONS = 1 << 16
 """Assumed number of instructions of a V that is given by an integral."""
-AT_EQUATOR = -24
+EQUATOR_LOG2_DISTANCE = -24
 """log2 of the distance from the equator within which that itself is tried as the critical place."""
 
 
@@ -61,13 +61,13 @@ class NearRest:
 
 def effort_of(potential: Potential) -> int:
     """Return how much there is to compute for one value of V."""
-    return len(potential.tape.instructions) + 1 if potential.has_formula else OF_INTEGRAL
+    return len(potential.tape.instructions) + 1 if potential.has_formula else INTEGRAL_INSTRUCTIONS
 
 
 def ladder(loop: Loop, first: int) -> Iterator[int]:
     """Return numbers of bits, each twice the one before, as long as V is computed with them in seconds."""
     bits = first
-    while bits <= MOST_BITS and bits * effort_of(loop.potential) <= MOST_WORK:
+    while bits <= MAX_GAP_BITS and bits * effort_of(loop.potential) <= MAX_BIT_INSTRUCTIONS:
         yield bits
         bits *= 2
 
@@ -143,7 +143,7 @@ def _equator_or(loop: Loop, v: arb) -> tuple[LoopPoint, arb]:
     """Return the equator where it is next to ``v`` and as good as critical, else the point at ``v``."""
     sign = 1 if v > 0 else -1
     quarter = sign * arb.pi() / 2
-    if abs(v - quarter) < arb(2) ** AT_EQUATOR:
+    if abs(v - quarter) < arb(2) ** EQUATOR_LOG2_DISTANCE:
         at = equator_point(loop, sign)
         first, second = slopes(loop, at)
         if (second > 0 or second < 0) and abs(first / second) < arb(2) ** (16 - ctx.prec // 2):

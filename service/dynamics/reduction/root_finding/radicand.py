@@ -41,20 +41,20 @@ FloatArray = NDArray[np.float64]
 DEGREE = 16
 FACING: dict[Region, float] = {"north": 1.0, "middle": 0.0, "south": -1.0}
 """The sign of g2 at the pole that a region faces."""
-LEVELS = 40
+POLE_PANELS = 40
 """Panels from an eighth of a turn towards a pole: down to a distance of 1e-12."""
-CHECKED_LEVELS = (39, 34, 29, 24, 19, 14, 9, 4)
+CHECKED_PANELS = (39, 34, 29, 24, 19, 14, 9, 4)
 """Panels at which doubles are compared with balls, from the pole outwards."""
-AGREEMENT = 1e-6
+TRUSTED_RELATIVE_DIFFERENCE = 1e-6
 """Relative difference from the ball up to which doubles are trusted: it cannot hide a change of sign."""
-UNRESOLVED = 1e-9
+TAIL_RELATIVE_SIZE = 1e-9
 """Tail of a series, against its largest term, that is too much."""
-ABOUT_INFINITY = 1e-3
+INFINITY_RELATIVE_WIDTH = 1e-3
 """Relative width of a panel about a place where P is infinite: there its sign is known by other means."""
 MAX_SPLITS = 12
-STEEPEST = 400.0
+MAX_LEVELLING_POWER = 400.0
 """Largest power of the distance to a pole that a panel is levelled by."""
-FLAT = 2000.0
+MAX_POWER_LAW = 2000.0
 """A larger one is not that of a power law, and panels would never be short enough for a series."""
 
 
@@ -100,7 +100,7 @@ def resolved_panels(
         # Written so that NaN is unresolved.
         largest = sizes.max(axis=0)
         # Doubles that underflow all along a panel say nothing of P.
-        resolved = (sizes[-3:].max(axis=0) <= UNRESOLVED * largest) & (largest > 0.0)
+        resolved = (sizes[-3:].max(axis=0) <= TAIL_RELATIVE_SIZE * largest) & (largest > 0.0)
         following: list[RegionPanel] = []
         for panel, coefficients, good in zip(waiting, series.T, resolved, strict=True):
             if good:
@@ -124,7 +124,7 @@ def _without(panel: RegionPanel, infinite: Sequence[float]) -> list[RegionPanel]
     ends = (np.pi - panel.right, np.pi - panel.left) if panel.region == "south" else (panel.left, panel.right)
     if not any(ends[0] <= v <= ends[1] for v in infinite):
         return [panel]
-    if panel.right - panel.left < ABOUT_INFINITY * panel.left:
+    if panel.right - panel.left < INFINITY_RELATIVE_WIDTH * panel.left:
         return []
     parts = [part for half in panel.halves() for part in _without(half, infinite)]
     return parts[::-1] if panel.region == "south" else parts
@@ -140,14 +140,14 @@ def _retried(panel: RegionPanel, coefficients: FloatArray) -> tuple[RegionPanel,
 def _towards_pole(loop: Loop, g3_sign: int, radicand: Radicand, region: Region) -> list[RegionPanel]:
     """Return the panels next to one pole, in the order of growing v."""
     quarter = 0.25 * np.pi
-    panels = [RegionPanel(region, quarter * 0.5 ** (k + 1), quarter * 0.5**k) for k in range(LEVELS)]
+    panels = [RegionPanel(region, quarter * 0.5 ** (k + 1), quarter * 0.5**k) for k in range(POLE_PANELS)]
     trusted = 0
-    for level in CHECKED_LEVELS:
+    for level in CHECKED_PANELS:
         x = panels[level].left
         sine, cosine = g3_sign * np.sin(x), np.cos(x) * (-1.0 if region == "south" else 1.0)
         double = float(loop.radicand_real(np.array([sine]), np.array([cosine]))[0])
         exact = float(radicand(LoopPlace(region, arb(x))))
-        if abs(double - exact) <= AGREEMENT * abs(exact):
+        if abs(double - exact) <= TRUSTED_RELATIVE_DIFFERENCE * abs(exact):
             trusted = level + 1
             break
     panels[trusted:] = [replace(panel, in_balls=True) for panel in panels[trusted:]]
@@ -167,8 +167,8 @@ def _levelled_values(loop: Loop, g3_sign: int, radicand: Radicand, panels: list[
         ratio = values[0] / values[-1]
         power = np.log(np.where(ratio > 0.0, ratio, 1.0)) / np.log(nodes[0] / nodes[-1])
         # A zero at an end of the panel, as one on the equator, is no power of the distance to a pole.
-        is_flat = (facing != 0.0) & (np.abs(power) > FLAT)
-        power = np.where(facing == 0.0, 0.0, np.clip(power, -STEEPEST, STEEPEST))
+        is_flat = (facing != 0.0) & (np.abs(power) > MAX_POWER_LAW)
+        power = np.where(facing == 0.0, 0.0, np.clip(power, -MAX_LEVELLING_POWER, MAX_LEVELLING_POWER))
         levelled = values * (nodes / nodes[0]) ** -power
     levelled[:, is_flat] = np.nan
     return np.where(np.isfinite(levelled), levelled, np.nan)
@@ -185,13 +185,13 @@ def _values_in_balls(panel: RegionPanel, radicand: Radicand) -> list[float]:
 
 TAIL_EXPONENTS = (-1408, -996, -704, -498, -352, -256, -187, -136, -99, -72, -53, -42)
 """log2 of the distances to a pole where balls take the sign beyond the scan, where P is known."""
-SUSPECT = 1e-6
+REFINED_BELOW_SHARE = 1e-6
 """A critical value below this fraction of its panel is refined in balls: doubles resolve 1e-13 of it."""
-LADDER = (640, 2560, 10240)
+HIGHER_BITS = (640, 2560, 10240)
 """Bits, in turn, where those of the caller are not enough."""
-SURE = -352
+SURE_LOG2_DISTANCE = -352
 """log2 of a distance to a pole at which these bits are taken to be enough."""
-DOUBLE_SHARE = 5.0 / 8.0
+DOUBLE_ZERO_BITS_SHARE = 5.0 / 8.0
 """A refined critical value below 2^-(5/8 of the bits) of its panel counts as a zero of even order:
 2^-100 with 160 bits. With more bits a smaller gap is still distinguished from none."""
 
@@ -259,7 +259,7 @@ def precise_radicand(loop: Loop, g3_sign: int) -> Radicand:
         P = value(loop, place)
         if not P.is_finite() and loop.has_no_value(*_direction(place, g3_sign)):
             return P
-        for bits in LADDER:
+        for bits in HIGHER_BITS:
             if is_known(P):
                 break
             with ctx.workprec(bits):
@@ -286,7 +286,11 @@ def vanishes(radicand: Radicand) -> bool:
 def _tail(side: Region, radicand: Radicand) -> list[LoopPlace]:
     """Return places beyond the scan, from the pole outwards; the farthest in only where P is known there."""
     places = [LoopPlace(side, arb(2) ** e) for e in TAIL_EXPONENTS]
-    return [at for at, e in zip(places, TAIL_EXPONENTS, strict=True) if e >= SURE or is_known(radicand(at))]
+    return [
+        at
+        for at, e in zip(places, TAIL_EXPONENTS, strict=True)
+        if e >= SURE_LOG2_DISTANCE or is_known(radicand(at))
+    ]
 
 
 def _cuts(panel: RegionPanel, series: FloatArray, radicand: Radicand) -> list[LoopPlace]:
@@ -308,11 +312,11 @@ def _cuts(panel: RegionPanel, series: FloatArray, radicand: Radicand) -> list[Lo
     cuts = []
     for root in inside:
         x, nothing = arb(float(middle + half * root)), arb(0)
-        if abs(np.polynomial.chebyshev.chebval(root, series)) < SUSPECT * size:
+        if abs(np.polynomial.chebyshev.chebval(root, series)) < REFINED_BELOW_SHARE * size:
             found = _extremum(lambda at: radicand(LoopPlace(panel.region, at)), x, arb(1e-4 * half))
             # A parabola through a flat stretch leads anywhere.
             if abs(found - middle) < 1.01 * half:
-                x, nothing = found, size * arb(2) ** -int(DOUBLE_SHARE * ctx.prec)
+                x, nothing = found, size * arb(2) ** -int(DOUBLE_ZERO_BITS_SHARE * ctx.prec)
             # The edge next to a double zero is a double, at which P is tiny but not zero.
             touches = abs(radicand(LoopPlace(panel.region, x))).upper() <= nothing
             if touches and abs(root) > 0.999:
@@ -336,7 +340,7 @@ def _sampled_cuts(panel: RegionPanel, radicand: Radicand) -> list[LoopPlace]:
     for (left, _, right), (before, size, after) in zip(_triples(nodes), _triples(sizes), strict=True):
         if not (size <= before and size <= after):
             continue
-        nothing = before.max(after) * arb(2) ** -int(DOUBLE_SHARE * ctx.prec)
+        nothing = before.max(after) * arb(2) ** -int(DOUBLE_ZERO_BITS_SHARE * ctx.prec)
         x = lowest_place(lambda at: radicand(LoopPlace(panel.region, at)), left, right, nothing)
         is_inside = min(x - left, right - x) > 1e-3 * (right - left)
         if is_inside and abs(radicand(LoopPlace(panel.region, x))).upper() <= nothing:

@@ -26,16 +26,16 @@ from service.dynamics.formula.algebras.algebraic import (
 )
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.root_finding.gap import MOST_BITS, MOST_WORK, effort_of
+from service.dynamics.reduction.root_finding.gap import MAX_BIT_INSTRUCTIONS, MAX_GAP_BITS, effort_of
 
 Coordinate = Literal["g2", "g1", "g3"]
 T = TypeVar("T")
 Triple = tuple[Algebraic, Algebraic, Algebraic]
 
 FIRST_BITS = 256
-HIGHEST_DEGREE = 4
-LARGEST_CURVE_DEGREE = 400
-PLACE_BITS = 1024
+MAX_POLYNOMIAL_DEGREE = 4
+MAX_CURVE_DEGREE = 400
+POINT_BITS = 1024
 """Bits of the place itself."""
 NEAR_BITS = 24
 """A place is the one that was meant within 2^-24 of its distance from the pole."""
@@ -68,7 +68,7 @@ def exact_at(
 
     The question is asked again with more bits as often as it takes these.
     """
-    if not loop.potential.has_formula or max(loop.alpha.as_integer_ratio()) > LARGEST_CURVE_DEGREE:
+    if not loop.potential.has_formula or max(loop.alpha.as_integer_ratio()) > MAX_CURVE_DEGREE:
         return None
     found = (_answer_at(loop, v, guess, question) for guess in _guesses(loop, v))
     return next((answer for answer in found if answer is not None), None)
@@ -83,7 +83,7 @@ def _guesses(loop: Loop, v: arb) -> Iterator[_Guess]:
     at = loop.point(v)
     first, third = (at.g3, at.g1) if loop.mirrored else (at.g1, at.g3)
     coordinates: list[tuple[Coordinate, arb]] = [("g2", at.g2), ("g1", first), ("g3", third)]
-    for degree in range(1, HIGHEST_DEGREE + 1):
+    for degree in range(1, MAX_POLYNOMIAL_DEGREE + 1):
         for name, value in coordinates:
             yield from (_Guess(name, found, value) for found in _small_polynomials(value, degree))
 
@@ -119,7 +119,7 @@ def _answer_at(
     loop: Loop, v: arb, guess: _Guess, question: Callable[[AlgebraicAlgebra, Triple], T | None]
 ) -> tuple[arb, T] | None:
     bits, effort = FIRST_BITS, effort_of(loop.potential)
-    while bits <= MOST_BITS and bits * effort <= MOST_WORK:
+    while bits <= MAX_GAP_BITS and bits * effort <= MAX_BIT_INSTRUCTIONS:
         try:
             with ctx.workprec(bits):
                 algebra = AlgebraicAlgebra()
@@ -133,7 +133,7 @@ def _answer_at(
             return None
     else:
         return None
-    with ctx.workprec(PLACE_BITS):
+    with ctx.workprec(POINT_BITS):
         exact = _angle(loop, ExactCurve(loop, AlgebraicAlgebra()).point(v, guess), v)
     # Another zero than the one that was meant.
     return (exact, answer) if abs(exact - v) < arb(2) ** -NEAR_BITS * abs(v.sin()) else None

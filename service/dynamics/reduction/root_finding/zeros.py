@@ -12,19 +12,19 @@ from typing import Literal
 from flint import arb, ctx
 
 Order = Literal["power", "fractional", "none"]
-"""P is like the second to HIGHEST_ORDER-th power of the distance; like one between the first and the second;
+"""P is like the second to MAX_ORDER-th power of the distance; like one between the first and the second;
 like none of these."""
 
-HIGHEST_ORDER = 16
-DISTANCES = (8, 12, 16, 20, 24)
+MAX_ORDER = 16
+GROWTH_LOG2_DISTANCES = (8, 12, 16, 20, 24)
 """-log2 of the distances, relative to the place, at which the growth of P is measured."""
-WHOLE = 0.02
+WHOLE_EXPONENT_DISTANCE = 0.02
 """An exponent closer than this to a whole number, at two neighbouring distances, is that number."""
-STEADY = 0.002
+STEADY_EXPONENT_CHANGE = 0.002
 """A fractional exponent is the same to this at two neighbouring distances."""
-SECTIONS = 80
+GOLDEN_SECTIONS = 80
 """Golden sections of a bracket at least: 2^-55 of it is left, where |x| is that small itself."""
-SHALLOW = 1e-6
+MINIMUM_SHARE = 1e-6
 """Share of where it began that a minimum must fall below then to be a zero: |x|^(1/2) comes to 1e-8."""
 
 
@@ -37,13 +37,19 @@ def order_of_zero(function: Callable[[arb], arb], x: arb) -> Order:
     about that of |x|^(1/2), the answer is ``none``.
     """
     x, before = x.mid(), inf
-    for bits in DISTANCES:
+    for bits in GROWTH_LOG2_DISTANCES:
         exponent = exponent_at(function, x, abs(x) * arb(2) ** -bits)
         nearest = round(exponent) if isfinite(exponent) else 0
-        settled = abs(exponent - nearest) <= WHOLE and abs(before - nearest) <= WHOLE
-        if settled and 2 <= nearest <= HIGHEST_ORDER:
+        settled = (
+            abs(exponent - nearest) <= WHOLE_EXPONENT_DISTANCE
+            and abs(before - nearest) <= WHOLE_EXPONENT_DISTANCE
+        )
+        if settled and 2 <= nearest <= MAX_ORDER:
             return "power"
-        if abs(exponent - before) <= STEADY and 1.0 + WHOLE < exponent < 2.0 - WHOLE:
+        if (
+            abs(exponent - before) <= STEADY_EXPONENT_CHANGE
+            and 1.0 + WHOLE_EXPONENT_DISTANCE < exponent < 2.0 - WHOLE_EXPONENT_DISTANCE
+        ):
             return "fractional"
         before = exponent
     return "none"
@@ -76,7 +82,9 @@ def lowest_place(function: Callable[[arb], arb], left: arb, right: arb, nothing:
         lowest = at_x.min(at_y)
         # So little is near enough to a zero of any order, and may take thousands of bits to go on from.
         is_far_below = lowest < far_below
-        if is_far_below or (section >= SECTIONS and (lowest <= nothing or lowest > SHALLOW * begin)):
+        if is_far_below or (
+            section >= GOLDEN_SECTIONS and (lowest <= nothing or lowest > MINIMUM_SHARE * begin)
+        ):
             break
         if at_x < at_y:
             b, y, at_y = y, x, at_x
@@ -112,19 +120,19 @@ class LoopPlace:
         return arb.pi() - self.x if self.region == "south" else self.x
 
 
-LEFT_BITS = 200
+BRACKET_BITS = 200
 """A bracket about a zero of high order is halved to 2^-200 of where it is: enough for what comes near."""
-MOST_HALVINGS = 4000
-ENOUGH_BITS = 32
+MAX_HALVINGS = 4000
+SIGN_RELATIVE_BITS = 32
 """Relative accuracy at which a value and its sign are believed."""
-POLE_EXPONENTS = (-1408, -704, -352)
+POLE_LOG2_DISTANCES = (-1408, -704, -352)
 """log2 of the distances to a pole that determine the behaviour of P there: terms of V whose coefficients
 differ by 1e600 may change places at 2^-1000. A formula that cancels next to the pole needs more
 bits at the nearest than there are: then the others serve."""
 
-SLOWEST = 0.01
+MIN_ZERO_POWER = 0.01
 """Power of the distance that a zero without an order is at least seen to be like."""
-STEEPEST = 2000.0
+MAX_POLE_POWER = 2000.0
 """Largest power of the distance to a pole that P is taken to be like."""
 
 Radicand = Callable[[LoopPlace], arb]
@@ -239,7 +247,7 @@ def _edge(radicand: Radicand, left: LoopPlace, right: LoopPlace) -> LoopPlace:
 
 def is_known(value: arb) -> bool:
     """Tell whether a value of P is known well enough."""
-    return bool(value.is_finite() and value.rel_accuracy_bits() >= ENOUGH_BITS)
+    return bool(value.is_finite() and value.rel_accuracy_bits() >= SIGN_RELATIVE_BITS)
 
 
 def _sign(value: arb, nothing: arb | float) -> int | None:
@@ -294,17 +302,17 @@ def _order(radicand: Radicand, place: LoopPlace) -> Order:
 def tends_to_zero(radicand: Radicand, v: arb) -> bool:
     """Tell whether P is seen to fall towards a place where it changes its sign: no jump, no growth."""
     x = abs(v).mid()
-    # No ball tells a power below SLOWEST from a jump.
-    return exponent_at(lambda at: radicand(LoopPlace("middle", at)), x, x * arb(2) ** -24) > SLOWEST
+    # No ball tells a power below MIN_ZERO_POWER from a jump.
+    return exponent_at(lambda at: radicand(LoopPlace("middle", at)), x, x * arb(2) ** -24) > MIN_ZERO_POWER
 
 
 def _by_signs(function: Callable[[arb], arb], a: arb, b: arb) -> arb:
     """Return the place between a and b where the sign changes, by halving alone."""
     a, b = a.mid(), b.mid()
     rises = function(b) > 0
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MAX_HALVINGS):
         middle = ((a + b) / 2).mid()
-        if middle in (a, b) or abs(b - a) < abs(middle) * arb(2) ** -LEFT_BITS:
+        if middle in (a, b) or abs(b - a) < abs(middle) * arb(2) ** -BRACKET_BITS:
             break
         a, b = (a, middle) if (function(middle) > 0) == rises else (middle, b)
     return a
@@ -358,19 +366,19 @@ def _is_simple(radicand: Radicand, place: LoopPlace, exponent: int = -60) -> boo
     grows = exponent_at(lambda x: radicand(LoopPlace(place.region, x)), place.x.mid(), distance)
     # 0 of a place that only looks like a zero of high order, next to it.
     is_near = 0.5 < grows < 1.5
-    return is_near and (abs(grows - 1.0) < WHOLE or _order(radicand, place) != "fractional")
+    return is_near and (abs(grows - 1.0) < WHOLE_EXPONENT_DISTANCE or _order(radicand, place) != "fractional")
 
 
 def classify_pole(radicand: Radicand, side: Region) -> PoleKind:
     """Return the behaviour of P at a pole, from its power law at the nearest distances where it is known."""
-    for nearest, farthest in pairwise(POLE_EXPONENTS):
+    for nearest, farthest in pairwise(POLE_LOG2_DISTANCES):
         near, far = (radicand(LoopPlace(side, arb(2) ** e)) for e in (nearest, farthest))
         if is_known(near) and is_known(far):
             break
     if not (near > 0 and far > 0):
         return "blocked"
     slope = float((near / far).log() / (arb(2).log() * (nearest - farthest)))
-    if not abs(slope) < STEEPEST:
+    if not abs(slope) < MAX_POLE_POWER:
         return "flat"
     if abs(slope) < 1e-3:
         return "passable"

@@ -26,18 +26,18 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 Bounds = tuple[FloatArray, FloatArray]
 
-QUARTER = 0.5 * np.pi
+QUARTER_TURN = 0.5 * np.pi
 """The equator, just below π/2; a cell that ends here includes it."""
-ULPS = 2.0**-49
-HEIGHTS = 2.0**-45
+VALUE_RELATIVE_ERROR = 2.0**-49
+HEIGHT_RELATIVE_ERROR = 2.0**-45
 """More than the relative error of |g2|: 2α log s is off by some 2^-50 of it, hence 1 − s^2α by no more."""
-NARROWEST = 1e-11
+CELL_MIN_RELATIVE_WIDTH = 1e-11
 """Relative width of a cell that is not halved any more."""
-NEAREST = 1e-60
+NEAREST_POLE_DISTANCE = 1e-60
 """A cell at the pole that ends here is not cut again: no single term of D leads there."""
-MOST_CELLS = 2048
+MAX_CELLS = 2048
 """Largest number of cells of one loop at a time."""
-NUMBERS = 4_000_000
+NUMBERS_IN_MEMORY = 4_000_000
 """Largest number of numbers in memory at a time."""
 
 
@@ -131,7 +131,7 @@ def radicand_bounds(tape: Tape, loops: Loops, cells: Cells) -> Bounds:
     The inputs of the tape are g1, g2, g3 and ``loops.inputs``.
     """
     # Every instruction leaves bounds of a value and of a slope behind.
-    most = min(max(NUMBERS // (4 * len(tape.instructions) + 4), 64), 8192)
+    most = min(max(NUMBERS_IN_MEMORY // (4 * len(tape.instructions) + 4), 64), 8192)
     count = len(cells.owner)
     lo, hi = np.full(count, np.nan), np.full(count, np.nan)
     for start in range(0, count, most):
@@ -176,7 +176,7 @@ def derivative_bounds(
 def have_no_motion(
     tape: Tape,
     loops: Loops,
-    most_cells: int = MOST_CELLS,
+    most_cells: int = MAX_CELLS,
     narrowest: FloatArray | None = None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> BoolArray:
@@ -185,7 +185,7 @@ def have_no_motion(
     Cells of a loop are not halved below the relative width ``narrowest``. False is no claim: there
     may be a motion, the bounds do not decide, or it was stopped.
     """
-    narrowest = np.full(len(loops.Z[0]), NARROWEST) if narrowest is None else narrowest
+    narrowest = np.full(len(loops.Z[0]), CELL_MIN_RELATIVE_WIDTH) if narrowest is None else narrowest
     is_known = ~np.isnan(loops.Z[0]) & ~np.isnan(loops.G[0])
 
     def signs(cells: Cells) -> IntArray:
@@ -198,7 +198,7 @@ def all_negative(
     signs_of: Callable[[Cells], IntArray],
     asked: BoolArray,
     narrowest: FloatArray,
-    most_cells: int = MOST_CELLS,
+    most_cells: int = MAX_CELLS,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> BoolArray:
     """Tell for which of the loops ``asked`` a sign is -1 all over the half; see :func:`have_no_motion`.
@@ -216,7 +216,7 @@ def all_negative(
         given_up = undecided & np.where(
             cells.low > 0.0,
             cells.high - cells.low < narrowest[cells.owner] * cells.high,
-            cells.high < NEAREST,
+            cells.high < NEAREST_POLE_DISTANCE,
         )
         open_loops[cells.owner[(signs > 0) | given_up]] = False
         crowded = np.bincount(cells.owner[undecided], minlength=count) > most_cells
@@ -229,13 +229,15 @@ def _quarters(owners: IntArray) -> Cells:
     """Return the quarters of half loops, north and south, each a cell."""
     both = np.concatenate([owners, owners])
     hemisphere = np.repeat([1.0, -1.0], len(owners))
-    return Cells(both, hemisphere, np.zeros(len(both)), np.full(len(both), QUARTER))
+    return Cells(both, hemisphere, np.zeros(len(both)), np.full(len(both), QUARTER_TURN))
 
 
 def sines(cells: Cells) -> Bounds:
     """Return bounds of |sin v| on every cell."""
-    low = np.sin(cells.low) * (1.0 - ULPS)
-    return low, np.where(cells.high >= QUARTER, 1.0, np.minimum(np.sin(cells.high) * (1.0 + ULPS), 1.0))
+    low = np.sin(cells.low) * (1.0 - VALUE_RELATIVE_ERROR)
+    return low, np.where(
+        cells.high >= QUARTER_TURN, 1.0, np.minimum(np.sin(cells.high) * (1.0 + VALUE_RELATIVE_ERROR), 1.0)
+    )
 
 
 def scales(loops: Loops, cells: Cells) -> list[Bounds]:
@@ -272,9 +274,9 @@ def heights_of(alpha: float | FloatArray, Z: Bounds, G: Bounds, cells: Cells) ->
     """Return what :func:`heights` does; α is that of all loops, or of each cell."""
     of = cells.owner
     with np.errstate(all="ignore"):
-        low = _height(alpha, Z[0][of], G[0][of], cells.high) * (1.0 - HEIGHTS)
-        high = _height(alpha, Z[1][of], G[1][of], cells.low) * (1.0 + HEIGHTS)
-    low = np.where(cells.high >= QUARTER, 0.0, np.maximum(low, 0.0))
+        low = _height(alpha, Z[0][of], G[0][of], cells.high) * (1.0 - HEIGHT_RELATIVE_ERROR)
+        high = _height(alpha, Z[1][of], G[1][of], cells.low) * (1.0 + HEIGHT_RELATIVE_ERROR)
+    low = np.where(cells.high >= QUARTER_TURN, 0.0, np.maximum(low, 0.0))
     high = np.where(cells.low == 0.0, 1.0, np.minimum(high, 1.0))
     north = cells.hemisphere > 0.0
     return np.where(north, low, -high), np.where(north, high, -low)

@@ -29,7 +29,7 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-FAINT = 1e-300
+FAINT_VALUE = 1e-300
 """Below it a double is next to 0, and smaller cells do not help."""
 
 
@@ -80,7 +80,7 @@ class Half(Curves):
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class CellSigns:
     """The results for each cell, as arrays."""
 
     sign: IntArray
@@ -109,7 +109,7 @@ def half_of(loop: Loop, tape: Tape, g3_sign: int) -> Half:
     )
 
 
-def look_at(curves: Curves, cells: Cells, *, with_slope: bool) -> Found:
+def signs_on_cells(curves: Curves, cells: Cells, *, with_slope: bool) -> CellSigns:
     """Return what bounds say of the cells."""
     algebra = _DomainIntervals(scales(curves.loops, cells))
     g = _places(algebra, curves.loops, cells)
@@ -119,7 +119,7 @@ def look_at(curves: Curves, cells: Cells, *, with_slope: bool) -> Found:
     at_pole = cells.low == 0.0
     slope = _signs(slopes[0], shape, at_pole) * curves.turn if slopes else np.zeros(shape, dtype=np.int64)
     is_undefined = np.broadcast_to(algebra.is_undefined, shape)
-    return Found(_signs(D, shape, at_pole) * curves.turn, slope, is_undefined, _are_faint(D, shape))
+    return CellSigns(_signs(D, shape, at_pole) * curves.turn, slope, is_undefined, _are_faint(D, shape))
 
 
 def derivative_values(curves: Curves, cells: Cells, order: int) -> list[Bounds]:
@@ -155,7 +155,7 @@ def _signs(element: Interval | None, shape: tuple[int, ...], at_pole: BoolArray)
 def _are_faint(element: Interval | None, shape: tuple[int, ...]) -> BoolArray:
     if element is None:
         return np.zeros(shape, dtype=np.bool_)
-    return np.broadcast_to((element.lo > -FAINT) & (element.hi < FAINT), shape)
+    return np.broadcast_to((element.lo > -FAINT_VALUE) & (element.hi < FAINT_VALUE), shape)
 
 
 def _bounds(ball: arb) -> Bounds:

@@ -27,28 +27,28 @@ from service.dynamics.formula.algebras.series import SeriesAlgebra, along_curve
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.vanishing import VanishingPart, parts_in_g2
 from service.dynamics.reduction.root_finding.gap import equator_point
-from service.dynamics.reduction.root_finding.rest_proof import NEAR_BITS, PLACE_BITS, exact_at
+from service.dynamics.reduction.root_finding.rest_proof import NEAR_BITS, POINT_BITS, exact_at
 from service.dynamics.reduction.root_finding.zeros import (
-    HIGHEST_ORDER,
+    MAX_ORDER,
     LoopPlace,
     Radicand,
     enclose_zero,
     exponent_at,
     lowest_place,
 )
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 from service.dynamics.reduction.sign_proofs.cells import Half
 from service.dynamics.reduction.sign_proofs.signs_in_balls import Side
 
 FIRST_ORDERS = 4
 """Orders that exact algebra tries before all."""
-LEAST = 2.0**-40
+MIN_RELATIVE_DISTANCE = 2.0**-40
 """Distance from the place, against where it began, to which a stretch is narrowed at most."""
-SHORTER = 6
+TAYLOR_HALVINGS = 6
 """Times that a cell is halved where Taylor's formula does not settle it."""
-HALVINGS = 240
+MAX_BRACKET_HALVINGS = 240
 """Most halvings of a bracket by signs: values of 2^-16000 locate a zero of order 16 to 2^-1000 only."""
-SEEN = -12
+ORDER_LOG2_DISTANCE = -12
 """log2 of the distance from a zero at which its order is seen, where algebra does not tell it."""
 
 
@@ -71,7 +71,7 @@ class HighZero:
     def rest(self) -> tuple[Side, Side]:
         """Return the ends of what is left."""
         first, last = map(float, (self.start, self.stop))
-        start, stop = ((1.0, v) if v < QUARTER else (-1.0, pi - v) for v in (first, last))
+        start, stop = ((1.0, v) if v < QUARTER_TURN else (-1.0, pi - v) for v in (first, last))
         return start, stop
 
 
@@ -87,8 +87,8 @@ def high_zero(
     v = _by_signs(value, left, right) if signs[0] != signs[1] else lowest_place(value, left, right, arb(0))
     exact = exact_order(half, v)
     if exact is None:
-        seen = exponent_at(value, v.mid(), (right - left).mid() * arb(2) ** SEEN)
-        order = round(seen) if 2.5 < seen < HIGHEST_ORDER + 0.5 else 3
+        seen = exponent_at(value, v.mid(), (right - left).mid() * arb(2) ** ORDER_LOG2_DISTANCE)
+        order = round(seen) if 2.5 < seen < MAX_ORDER + 0.5 else 3
     else:
         v, order = exact
     if not (left < v < right):
@@ -113,7 +113,7 @@ def exact_order(half: Half, v: arb) -> tuple[arb, int] | None:
 
 def _first_order(algebra: AlgebraicAlgebra, series: Callable[[int], list[Algebraic]]) -> int | None:
     """Return the order of the first coefficient that is not 0; None if it is the 0th, or all seem to be 0."""
-    for highest in (FIRST_ORDERS, HIGHEST_ORDER):
+    for highest in (FIRST_ORDERS, MAX_ORDER):
         first = next((k for k, each in enumerate(series(highest)) if not algebra.is_zero(each)), None)
         if first is not None:
             return first or None
@@ -131,7 +131,7 @@ def order_at_part(half: Half, v: arb) -> tuple[arb, int] | None:
         low, high = value((v - nearest).mid()), value((v + nearest).mid())
         if not low * high < 0:
             continue
-        with ctx.workprec(PLACE_BITS):
+        with ctx.workprec(POINT_BITS):
             x = enclose_zero(value, v - nearest, v + nearest)
             try:
                 order = _order_of(half, part, x)
@@ -161,7 +161,7 @@ def _narrowed(
 ) -> tuple[arb, arb]:
     """Return the stretch without the cells next to its ends where Taylor's formula shows the sign."""
     left, right = ends
-    nearest = LEAST * (right - left)
+    nearest = MIN_RELATIVE_DISTANCE * (right - left)
     while not (is_exact and _sign(_coefficients(half, left, right, order)[order])):
         before = left, right
         left = _inwards(half, left, v, order, signs[0], nearest)
@@ -177,7 +177,7 @@ def _inwards(half: Half, end: arb, v: arb, order: int, sign: int, nearest: arb) 
         return end
     # (1 + 1/2m)^m < 2: of a zero of order m, Taylor's formula adds less than its first term to that.
     step = (abs(end - v) / (2 * order)).min(end.sin() / 8)
-    for _ in range(SHORTER):
+    for _ in range(TAYLOR_HALVINGS):
         inner = (end + step if v > end else end - step).mid()
         left, right = (end, inner) if v > end else (inner, end)
         if _sign_on(half, left, right, order + 1) == sign:
@@ -239,7 +239,7 @@ def _by_signs(value: Callable[[arb], arb], left: arb, right: arb) -> arb:
     """Return the place between two where the sign changes, by halving alone."""
     a, b = left.mid(), right.mid()
     rises = value(b) > 0
-    for _ in range(HALVINGS):
+    for _ in range(MAX_BRACKET_HALVINGS):
         middle = ((a + b) / 2).mid()
         P = value(middle)
         if middle in (a, b) or not (P > 0 or P < 0):

@@ -21,7 +21,7 @@ from service.dynamics.formula.algebras.long_intervals import LongInterval, LongI
 from service.dynamics.formula.vanishing import VanishingPart, has_essential_part, vanishing_parts
 from service.dynamics.reduction.geometry.slopes import SecondScale, derivatives_along
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, enclose_zero
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 from service.dynamics.reduction.sign_proofs.cells import Curves, Half
 from service.dynamics.reduction.sign_proofs.signs_in_balls import (
     LOG_POWER,
@@ -36,11 +36,11 @@ UNDEFINED = 2
 """In place of a sign."""
 UNDEFINED_HERE = arb.nan()
 """In place of a ball."""
-MOST_LOOKS = 2000
+MAX_STRETCHES = 2000
 """At stretches of one half."""
-NARROWEST = 1e-9
+STRETCH_MIN_RELATIVE_WIDTH = 1e-9
 """Relative width of a stretch that is not cut any more."""
-NEARER = (4, 8, 16, 32, 64, 96, 128)
+INFINITY_LOG2_DISTANCES = (4, 8, 16, 32, 64, 96, 128)
 """-log2 of the distances from an infinity, against the stretch, at which P is tried for the sign it has next
 to it."""
 
@@ -74,7 +74,7 @@ class Infinity:
     def _beside(self, radicand: Radicand, end: arb, sign: int) -> LoopPlace | None:
         """Return a place on the side of ``end`` where P has the sign that it has next to the infinity."""
         centre = self.place.x.mid()
-        for bits in NEARER:
+        for bits in INFINITY_LOG2_DISTANCES:
             x = (centre + (end - centre) * arb(2) ** -bits).mid()
             if radicand(LoopPlace(self.place.region, x)) * sign > 0:
                 return LoopPlace(self.place.region, x, sign=sign)
@@ -135,14 +135,14 @@ def infinities_of(half: Half) -> list[Infinity] | None:
         while waiting:
             start, stop = waiting.pop()
             looks += 1
-            if looks > MOST_LOOKS:
+            if looks > MAX_STRETCHES:
                 return None
             if not _may_vanish(half, part, start, stop):
                 continue
             infinity = infinity_between(half, start, stop)
             if infinity is not None:
                 found.append(infinity)
-            elif width_of(start, stop) > NARROWEST:
+            elif width_of(start, stop) > STRETCH_MIN_RELATIVE_WIDTH:
                 waiting.extend(_halves(start, stop))
             elif continuous_sign(half, start, stop) is None:
                 return None
@@ -156,7 +156,7 @@ def _may_vanish(half: Half, part: VanishingPart, start: Side, stop: Side) -> boo
     u = part.part.evaluate(algebra, g)
     if algebra.is_undefined or u.sign:
         return False
-    return bool(u.lo <= u.hi) or width_of(start, stop) > NARROWEST
+    return bool(u.lo <= u.hi) or width_of(start, stop) > STRETCH_MIN_RELATIVE_WIDTH
 
 
 def _stretches() -> list[tuple[Side, Side]]:
@@ -172,7 +172,7 @@ def _halves(start: Side, stop: Side) -> list[tuple[Side, Side]]:
         # A place that is likely to be one where a part vanishes is no end.
         middle = (start[0], start[1] + 0.4871 * (stop[1] - start[1]))
         return [(start, middle), (middle, stop)]
-    inner = [(side, QUARTER - 0.4871 * (QUARTER - x)) for side, x in (start, stop)]
+    inner = [(side, QUARTER_TURN - 0.4871 * (QUARTER_TURN - x)) for side, x in (start, stop)]
     return [(start, inner[0]), (inner[0], inner[1]), (inner[1], stop)]
 
 

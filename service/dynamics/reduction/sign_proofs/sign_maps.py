@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Bounds, Cells, Loops
-from service.dynamics.reduction.sign_proofs.cells import Curves, Found, Half, look_at
+from service.dynamics.reduction.sign_proofs.cells import CellSigns, Curves, Half, signs_on_cells
 from service.dynamics.reduction.sign_proofs.signs import (
     CELLS,
     FOUND,
     Gap,
-    Picture,
+    SignMap,
     cells_to_cut,
     chosen,
     first_cells,
@@ -36,53 +36,53 @@ from service.dynamics.reduction.sign_proofs.signs_in_balls import (
     width_of,
 )
 
-ROUNDS = 4
+CUT_ROUNDS = 4
 """Rounds of cuts in doubles, between two looks in balls."""
-STAGES = 8
-MOST_GAPS = 1000
+BALL_STAGES = 8
+MAX_GAPS = 1000
 """Open ones: beyond, nothing is settled in balls."""
-WIDE = 0.05
+MAX_GAP_RELATIVE_WIDTH = 0.05
 """Largest width of a gap, against its distance to the pole: a wider one is cut first."""
-MOST_LOOKS, LOOKS_AT_POLES = 600, 100
+MAX_BALL_CELLS, MAX_BALL_CELLS_AT_POLES = 600, 100
 """At cells where doubles fail, of one half."""
-NARROW = 1e-6
+CELL_MIN_RELATIVE_WIDTH = 1e-6
 """Relative width of a cell that is not halved any more."""
-HALVINGS = 12
+MIN_HALVINGS = 12
 """Least number of halvings that a cell has had before its relative width counts as small."""
 
 
-def settled(half: Half, picture: Picture) -> Picture:
-    """Return the picture with its open gaps closed, or the number of their zeros bounded, where possible."""
-    at_poles = [gap for gap in picture.open_gaps() if _is_at_pole(picture, gap)]
-    picture = _halved(half, picture, at_poles, LOOKS_AT_POLES)
-    for _ in range(STAGES):
-        gaps = _unbounded(picture)
+def settled(half: Half, sign_map: SignMap) -> SignMap:
+    """Return the sign map with its open gaps closed, or the number of their zeros bounded, where possible."""
+    at_poles = [gap for gap in sign_map.open_gaps() if _is_at_pole(sign_map, gap)]
+    sign_map = _halved(half, sign_map, at_poles, MAX_BALL_CELLS_AT_POLES)
+    for _ in range(BALL_STAGES):
+        gaps = _unbounded(sign_map)
         if not gaps:
-            return picture
-        if len(gaps) > MOST_GAPS or is_crowded(picture):
-            return picture
-        picture = _bounded(half, picture, gaps)
-        before = len(picture.cells.low)
-        picture = refined(half, picture, ROUNDS)
-        if len(picture.cells.low) == before:
+            return sign_map
+        if len(gaps) > MAX_GAPS or is_crowded(sign_map):
+            return sign_map
+        sign_map = _bounded(half, sign_map, gaps)
+        before = len(sign_map.cells.low)
+        sign_map = refined(half, sign_map, CUT_ROUNDS)
+        if len(sign_map.cells.low) == before:
             break
-    return picture
+    return sign_map
 
 
-def halved(half: Half, picture: Picture) -> Picture:
-    """Return the picture with the cells of what is open still halved in balls."""
-    gaps = _unbounded(picture)
-    is_too_much = len(gaps) > MOST_GAPS or is_crowded(picture)
-    return picture if is_too_much else _halved(half, picture, gaps, MOST_LOOKS)
+def halved(half: Half, sign_map: SignMap) -> SignMap:
+    """Return the sign map with the cells of what is open still halved in balls."""
+    gaps = _unbounded(sign_map)
+    is_too_much = len(gaps) > MAX_GAPS or is_crowded(sign_map)
+    return sign_map if is_too_much else _halved(half, sign_map, gaps, MAX_BALL_CELLS)
 
 
-def _is_at_pole(picture: Picture, gap: Gap) -> bool:
-    return gap[0] == 0 or gap[1] == len(picture.cells.low)
+def _is_at_pole(sign_map: SignMap, gap: Gap) -> bool:
+    return gap[0] == 0 or gap[1] == len(sign_map.cells.low)
 
 
-def ends_of(picture: Picture, gap: Gap) -> tuple[Side, Side]:
+def ends_of(sign_map: SignMap, gap: Gap) -> tuple[Side, Side]:
     """Return the places where a gap begins and ends."""
-    cells = picture.cells
+    cells = sign_map.cells
     first, last = gap[0], gap[1] - 1
     north, south = float(cells.hemisphere[first]), float(cells.hemisphere[last])
     return (
@@ -91,25 +91,25 @@ def ends_of(picture: Picture, gap: Gap) -> tuple[Side, Side]:
     )
 
 
-def _unbounded(picture: Picture) -> list[Gap]:
-    return [gap for gap in picture.open_gaps() if not (picture.is_bounded(gap) or picture.is_known(gap))]
+def _unbounded(sign_map: SignMap) -> list[Gap]:
+    return [gap for gap in sign_map.open_gaps() if not (sign_map.is_bounded(gap) or sign_map.is_known(gap))]
 
 
-def _bounded(half: Half, picture: Picture, gaps: list[Gap]) -> Picture:
-    """Return the picture with what balls say of each stretch on which P may turn."""
-    found, most = picture.found, picture.most_zeros.copy()
+def _bounded(half: Half, sign_map: SignMap, gaps: list[Gap]) -> SignMap:
+    """Return the sign map with what balls say of each stretch on which P may turn."""
+    found, most = sign_map.found, sign_map.most_zeros.copy()
     sign, slope = found.sign.copy(), found.slope.copy()
-    turns = [turn for gap in gaps for turn in picture.turns(gap)]
+    turns = [turn for gap in gaps for turn in sign_map.turns(gap)]
     for first, last in turns:
-        start, stop = ends_of(picture, (first, last))
-        if most[first] >= 0 or not width_of(start, stop) < WIDE:
+        start, stop = ends_of(sign_map, (first, last))
+        if most[first] >= 0 or not width_of(start, stop) < MAX_GAP_RELATIVE_WIDTH:
             continue
         order, its_sign = _known(half, start, stop)
         here = slice(first, last)
         most[here] = order
         sign[here] = its_sign if order == 0 else sign[here]
         slope[here] = its_sign if order == 1 else slope[here]
-    return Picture(picture.cells, Found(sign, slope, found.is_undefined, found.is_faint), most)
+    return SignMap(sign_map.cells, CellSigns(sign, slope, found.is_undefined, found.is_faint), most)
 
 
 def _known(half: Half, start: Side, stop: Side) -> tuple[int, int]:
@@ -123,16 +123,16 @@ def _known(half: Half, start: Side, stop: Side) -> tuple[int, int]:
     return (2, bound.sign) if turn.slope == 0 else (1, turn.slope)
 
 
-def _halved(half: Half, picture: Picture, gaps: list[Gap], most_looks: int) -> Picture:
-    """Return the picture with the cells of these gaps halved in balls, as long as looks are left."""
+def _halved(half: Half, sign_map: SignMap, gaps: list[Gap], most_looks: int) -> SignMap:
+    """Return the sign map with the cells of these gaps halved in balls, as long as looks are left."""
     looks = 0
     for gap in reversed(gaps):
         first, last = gap
-        cells = picture.cells.at(slice(first, last))
+        cells = sign_map.cells.at(slice(first, last))
         waiting = [
             _Cell(*ends) for ends in zip(*(getattr(cells, name).tolist() for name in CELLS[1:]), strict=True)
         ]
-        if first == 0 or last == len(picture.cells.low):
+        if first == 0 or last == len(sign_map.cells.low):
             # What cancels at the pole, doubles lose all over the gap.
             waiting = _whole_sides(waiting)
         done = list[_Cell]()
@@ -145,10 +145,10 @@ def _halved(half: Half, picture: Picture, gaps: list[Gap], most_looks: int) -> P
                 done.append(cell)
             else:
                 waiting.extend(cell.halves())
-        kept = np.ones(len(picture.cells.low), dtype=np.bool_)
+        kept = np.ones(len(sign_map.cells.low), dtype=np.bool_)
         kept[first:last] = False
-        picture = joined(chosen(picture, kept), _picture_of(done))
-    return picture
+        sign_map = joined(chosen(sign_map, kept), _sign_map_of(done))
+    return sign_map
 
 
 def _whole_sides(cells: "list[_Cell]") -> "list[_Cell]":
@@ -172,8 +172,8 @@ class _Cell:
     @property
     def is_small(self) -> bool:
         if self.low == 0.0:
-            return self.halvings >= HALVINGS
-        return self.high - self.low < NARROW * self.high and self.halvings >= HALVINGS
+            return self.halvings >= MIN_HALVINGS
+        return self.high - self.low < CELL_MIN_RELATIVE_WIDTH * self.high and self.halvings >= MIN_HALVINGS
 
     def halves(self) -> "tuple[_Cell, _Cell]":
         """Return both parts; next to a pole the nearer one is much the smaller."""
@@ -184,22 +184,22 @@ class _Cell:
         return replace(self, high=middle, halvings=later), replace(self, low=middle, halvings=later)
 
 
-def _picture_of(done: list[_Cell]) -> Picture:
+def _sign_map_of(done: list[_Cell]) -> SignMap:
     bounds = [(-1, 0) if cell.bound is None else (cell.bound.order, cell.bound.sign) for cell in done]
     order, its_sign = (np.array(each, dtype=np.int64) for each in zip(*bounds, strict=True))
     nothing = np.zeros(len(done), dtype=np.bool_)
     hemisphere, low, high = (np.array([getattr(cell, name) for cell in done]) for name in CELLS[1:])
-    found = Found(np.where(order == 0, its_sign, 0), np.where(order == 1, its_sign, 0), nothing, nothing)
+    found = CellSigns(np.where(order == 0, its_sign, 0), np.where(order == 1, its_sign, 0), nothing, nothing)
     cells = Cells(np.zeros(len(done), dtype=np.int64), hemisphere, low, high)
-    return Picture(cells, found, np.full(len(done), -1))
+    return SignMap(cells, found, np.full(len(done), -1))
 
 
-MOST_CUT = 256
-"""Open cells of one half that are cut together with those of others: one with more has a picture alone."""
+MAX_CELLS_CUT = 256
+"""Open cells of one half that are cut together with those of others: one with more has a sign map alone."""
 
 
-def pictures_together(halves: Sequence[Half], most_rounds: int) -> list[Picture | None]:
-    """Return the refined picture of each half, all of one tape, body and shape; None where it has many cells.
+def sign_maps_together(halves: Sequence[Half], most_rounds: int) -> list[SignMap | None]:
+    """Return the refined sign map of each half, all of one tape, body and shape; None for one of many cells.
 
     Whether a cell is open may depend, by the last bit of a bound, on what is looked at beside it; what is
     found of it holds all the same.
@@ -207,27 +207,29 @@ def pictures_together(halves: Sequence[Half], most_rounds: int) -> list[Picture 
     first = halves[0]
     Z, G = (_together([getattr(half.loops, name) for half in halves]) for name in "ZG")
     curves = Curves(first.tape, first.body, Loops(first.loops.shape, Z, G), first.turn)
-    pictures: list[Picture | None] = list(_pictures(curves, [first_cells()] * len(halves), with_slope=False))
+    sign_maps: list[SignMap | None] = list(
+        _sign_maps(curves, [first_cells()] * len(halves), with_slope=False)
+    )
     waiting = list(range(len(halves)))
     for _ in range(most_rounds):
-        cut: list[tuple[int, Picture, NDArray[np.bool_]]] = []
+        cut: list[tuple[int, SignMap, NDArray[np.bool_]]] = []
         for k in waiting:
-            picture = pictures[k]
-            assert picture is not None
-            is_cut = cells_to_cut(picture)
+            sign_map = sign_maps[k]
+            assert sign_map is not None
+            is_cut = cells_to_cut(sign_map)
             count = int(is_cut.sum())
-            if count > MOST_CUT:
-                pictures[k] = None
+            if count > MAX_CELLS_CUT:
+                sign_maps[k] = None
             elif count:
-                cut.append((k, picture, is_cut))
+                cut.append((k, sign_map, is_cut))
         if not cut:
             break
-        parts = [parts_of(picture.cells.at(is_cut)) for _, picture, is_cut in cut]
+        parts = [parts_of(sign_map.cells.at(is_cut)) for _, sign_map, is_cut in cut]
         waiting = [k for k, _, _ in cut]
-        found = _pictures(curves, parts, with_slope=True, owners=waiting)
-        for (k, picture, is_cut), part in zip(cut, found, strict=True):
-            pictures[k] = joined(chosen(picture, ~is_cut), part)
-    return pictures
+        found = _sign_maps(curves, parts, with_slope=True, owners=waiting)
+        for (k, sign_map, is_cut), part in zip(cut, found, strict=True):
+            sign_maps[k] = joined(chosen(sign_map, ~is_cut), part)
+    return sign_maps
 
 
 def _together(bounds: Sequence[Bounds]) -> Bounds:
@@ -235,18 +237,18 @@ def _together(bounds: Sequence[Bounds]) -> Bounds:
     return np.concatenate(low), np.concatenate(high)
 
 
-def _pictures(
+def _sign_maps(
     curves: Curves, cells: Sequence[Cells], *, with_slope: bool, owners: Sequence[int] | None = None
-) -> list[Picture]:
+) -> list[SignMap]:
     """Return what bounds say of the cells of each half; they are of the curves ``owners``, or of all."""
     counts = [len(each.low) for each in cells]
     owner = np.repeat(np.arange(len(cells)) if owners is None else np.array(owners, dtype=np.int64), counts)
     rest = (np.concatenate([getattr(each, name) for each in cells]) for name in CELLS[1:])
-    found = look_at(curves, Cells(owner, *rest), with_slope=with_slope)
-    pictures, start = [], 0
+    found = signs_on_cells(curves, Cells(owner, *rest), with_slope=with_slope)
+    sign_maps, start = [], 0
     for each, count in zip(cells, counts, strict=True):
         here = slice(start, start + count)
-        part = Found(*(getattr(found, name)[here] for name in FOUND))
-        pictures.append(Picture(each, part, np.full(count, -1)))
+        part = CellSigns(*(getattr(found, name)[here] for name in FOUND))
+        sign_maps.append(SignMap(each, part, np.full(count, -1)))
         start += count
-    return pictures
+    return sign_maps

@@ -11,20 +11,24 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import NARROWEST, QUARTER, Cells
-from service.dynamics.reduction.sign_proofs.cells import Found, Half, look_at
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
+    CELL_MIN_RELATIVE_WIDTH,
+    QUARTER_TURN,
+    Cells,
+)
+from service.dynamics.reduction.sign_proofs.cells import CellSigns, Half, signs_on_cells
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-FIRST = np.concatenate([[0.0], np.geomspace(1e-3, 0.128, 8), np.linspace(0.2, QUARTER, 12)])
+FIRST = np.concatenate([[0.0], np.geomspace(1e-3, 0.128, 8), np.linspace(0.2, QUARTER_TURN, 12)])
 """Ends of the first cells, from a pole to the equator."""
-PARTS = 4
+CUT_PARTS = 4
 """Number of parts into which an open cell is cut."""
-NEAREST = 1e-100
+NEAREST_POLE_DISTANCE = 1e-100
 """An open cell at a pole that ends here is not cut again."""
-MOST_CELLS = 8192
+MAX_OPEN_CELLS = 8192
 """Open ones at a time."""
 
 CELLS, FOUND = ("owner", "hemisphere", "low", "high"), ("sign", "slope", "is_undefined", "is_faint")
@@ -36,11 +40,11 @@ Gap = tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class SignMap:
     """The results for every cell of a half; arrays of one shape, in the order of growing v."""
 
     cells: Cells
-    found: Found
+    found: CellSigns
     most_zeros: IntArray
     """So many has P on the stretch of such cells that the cell belongs to, as balls say; −1 elsewhere.
     INFINITE where P is proved to be infinite at one place of the stretch, NAMED where it is proved to have
@@ -107,10 +111,10 @@ class Picture:
         return all((self.most_zeros[first:last] == 2).all() for first, last in self.turns(gap))
 
 
-def first_picture(half: Half) -> Picture:
+def first_sign_map(half: Half) -> SignMap:
     """Return what bounds of D say of some forty cells."""
     cells = first_cells()
-    return Picture(cells, look_at(half, cells, with_slope=False), np.full(len(cells.low), -1))
+    return SignMap(cells, signs_on_cells(half, cells, with_slope=False), np.full(len(cells.low), -1))
 
 
 @cache
@@ -125,34 +129,36 @@ def first_cells() -> Cells:
     )
 
 
-def refined(half: Half, picture: Picture, most_rounds: int) -> Picture:
-    """Return the picture with its open cells cut until all gaps are closed, or so many times.
+def refined(half: Half, sign_map: SignMap, most_rounds: int) -> SignMap:
+    """Return the sign map with its open cells cut until all gaps are closed, or so many times.
 
-    A cell that cannot be cut, and one among more than MOST_CELLS, is left as it is.
+    A cell that cannot be cut, and one among more than MAX_OPEN_CELLS, is left as it is.
     """
     for _ in range(most_rounds):
-        is_cut = cells_to_cut(picture)
-        if not is_cut.any() or is_cut.sum() > MOST_CELLS:
+        is_cut = cells_to_cut(sign_map)
+        if not is_cut.any() or is_cut.sum() > MAX_OPEN_CELLS:
             break
-        parts = parts_of(picture.cells.at(is_cut))
-        found = look_at(half, parts, with_slope=True)
-        picture = joined(chosen(picture, ~is_cut), Picture(parts, found, np.full(len(parts.low), -1)))
-    return picture
+        parts = parts_of(sign_map.cells.at(is_cut))
+        found = signs_on_cells(half, parts, with_slope=True)
+        sign_map = joined(chosen(sign_map, ~is_cut), SignMap(parts, found, np.full(len(parts.low), -1)))
+    return sign_map
 
 
-def is_crowded(picture: Picture) -> bool:
+def is_crowded(sign_map: SignMap) -> bool:
     """Tell whether more cells are open than are cut."""
-    return bool(cells_to_cut(picture).sum() > MOST_CELLS)
+    return bool(cells_to_cut(sign_map).sum() > MAX_OPEN_CELLS)
 
 
-def cells_to_cut(picture: Picture) -> BoolArray:
+def cells_to_cut(sign_map: SignMap) -> BoolArray:
     """Tell which cells to cut: those of open gaps on which P may turn."""
-    is_cut = np.zeros(len(picture.found.sign), dtype=np.bool_)
-    low, high = picture.cells.low, picture.cells.high
-    can_be_cut = np.where(low > 0.0, high - low > NARROWEST * high, high > NEAREST)
-    can_be_cut &= (picture.most_zeros < 0) & ~picture.found.is_faint
-    for gap in picture.open_gaps():
-        for first, last in picture.turns(gap):
+    is_cut = np.zeros(len(sign_map.found.sign), dtype=np.bool_)
+    low, high = sign_map.cells.low, sign_map.cells.high
+    can_be_cut = np.where(
+        low > 0.0, high - low > CELL_MIN_RELATIVE_WIDTH * high, high > NEAREST_POLE_DISTANCE
+    )
+    can_be_cut &= (sign_map.most_zeros < 0) & ~sign_map.found.is_faint
+    for gap in sign_map.open_gaps():
+        for first, last in sign_map.turns(gap):
             is_cut[first:last] = can_be_cut[first:last]
     return is_cut
 
@@ -160,33 +166,35 @@ def cells_to_cut(picture: Picture) -> BoolArray:
 def parts_of(cells: Cells) -> Cells:
     """Return the parts of each cell; next to a pole the nearer ones are much the smaller."""
     low, high = cells.low[:, None], cells.high[:, None]
-    shares = np.arange(PARTS + 1) / PARTS
+    shares = np.arange(CUT_PARTS + 1) / CUT_PARTS
     with np.errstate(all="ignore"):
         steps = np.where(high > 2.0 * low, low * (high / low) ** shares, low + (high - low) * shares)
-        at_pole = high * np.minimum(1.0 / 16.0, high) ** np.arange(PARTS, -1.0, -1.0)
+        at_pole = high * np.minimum(1.0 / 16.0, high) ** np.arange(CUT_PARTS, -1.0, -1.0)
     ends = np.where(low == 0.0, at_pole, steps)
     ends[:, 0], ends[:, -1] = cells.low, cells.high
     return Cells(
-        np.repeat(cells.owner, PARTS),
-        np.repeat(cells.hemisphere, PARTS),
+        np.repeat(cells.owner, CUT_PARTS),
+        np.repeat(cells.hemisphere, CUT_PARTS),
         ends[:, :-1].ravel(),
         ends[:, 1:].ravel(),
     )
 
 
-def joined(one: Picture, other: Picture) -> Picture:
+def joined(one: SignMap, other: SignMap) -> SignMap:
     """Return the cells of both, in the order of growing v."""
     cells = Cells(*(np.concatenate([getattr(one.cells, name), getattr(other.cells, name)]) for name in CELLS))
-    found = Found(*(np.concatenate([getattr(one.found, name), getattr(other.found, name)]) for name in FOUND))
+    found = CellSigns(
+        *(np.concatenate([getattr(one.found, name), getattr(other.found, name)]) for name in FOUND)
+    )
     most = np.concatenate([one.most_zeros, other.most_zeros])
-    return chosen(Picture(cells, found, most), np.lexsort((cells.hemisphere * cells.low, -cells.hemisphere)))
+    return chosen(SignMap(cells, found, most), np.lexsort((cells.hemisphere * cells.low, -cells.hemisphere)))
 
 
-def chosen(picture: Picture, which: IntArray | BoolArray) -> Picture:
+def chosen(sign_map: SignMap, which: IntArray | BoolArray) -> SignMap:
     """Return some of the cells."""
-    found = picture.found
-    return Picture(
-        picture.cells.at(which),
-        Found(*(getattr(found, name)[which] for name in FOUND)),
-        picture.most_zeros[which],
+    found = sign_map.found
+    return SignMap(
+        sign_map.cells.at(which),
+        CellSigns(*(getattr(found, name)[which] for name in FOUND)),
+        sign_map.most_zeros[which],
     )

@@ -13,10 +13,10 @@ from service.dynamics.reduction.geometry.height import c_squared_range, log_sine
 from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.reduction.geometry.slopes import SecondScale, derivatives_along, rates_along
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Region, enclose_zero
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 from service.dynamics.reduction.sign_proofs.cells import Half
 
-NEAR_POLE = 0.3
+NEAR_POLE_DISTANCE = 0.3
 """Distance from a pole up to which formulas are tried as they are written next to it."""
 LOG_POWER = Fraction(1, 16)
 
@@ -40,7 +40,7 @@ def bound_on_cell(half: Half, hemisphere: float, low: float, high: float) -> Bou
     for log_power in (Fraction(0), LOG_POWER) if low == 0.0 else (Fraction(0),):
         algebra, g = _long(half, hemisphere, low, high, log_power)
         forms: list[tuple[Tape, SecondScale[LongInterval] | None]] = [(half.tape, None)]
-        if high < NEAR_POLE:
+        if high < NEAR_POLE_DISTANCE:
             sigma = 1 if hemisphere > 0 else -1
             _, rate, _ = rates_along(algebra, half.body, g)
             drop = SecondScale(_drop(algebra, g), algebra.negate(rate) if sigma > 0 else rate)
@@ -65,7 +65,9 @@ def _drop(algebra: LongIntervalAlgebra, g: list[LongInterval]) -> LongInterval:
 def is_negative_where_defined(half: Half, start: Side, stop: Side) -> bool:
     """Tell whether P < 0 wherever it has a value between two places."""
     if start[0] != stop[0]:
-        return all(is_negative_where_defined(half, (side, x), (side, QUARTER)) for side, x in (start, stop))
+        return all(
+            is_negative_where_defined(half, (side, x), (side, QUARTER_TURN)) for side, x in (start, stop)
+        )
     low, high = sorted((start[1], stop[1]))
     algebra, g = _long(half, start[0], low, high, Fraction(0), skips_undefined=True)
     (D,) = derivatives_along(algebra, half.tape, half.body, g, 0)
@@ -149,7 +151,7 @@ def _long(
     """Return an algebra with s = sin v as its scale, and g1, g2, g3 on the cell, in the client's axes."""
     loop = half.loop
     start, end = (abs(_corner(half, hemisphere, x)[1]) for x in (low, high))
-    sines = arb(low).sin(), arb(1) if high >= QUARTER else arb(high).sin()
+    sines = arb(low).sin(), arb(1) if high >= QUARTER_TURN else arb(high).sin()
     algebra = LongIntervalAlgebra(
         sines[0].lower(), sines[1].upper(), log_power, skips_undefined=skips_undefined
     )
@@ -172,7 +174,7 @@ def place_on_stretch(half: Half, start: Side, stop: Side) -> list[arb]:
     """Return balls of g1, g2 and g3 between two places, in the client's axes."""
     if start[0] == stop[0]:
         return _around(half, start[0], *sorted((start[1], stop[1])))
-    north, south = (_around(half, side, x, QUARTER) for side, x in (start, stop))
+    north, south = (_around(half, side, x, QUARTER_TURN) for side, x in (start, stop))
     return [one.union(other) for one, other in zip(north, south, strict=True)]
 
 
@@ -186,7 +188,7 @@ def _around(half: Half, hemisphere: float, low: float, high: float) -> list[arb]
 def _corner(half: Half, hemisphere: float, x: float) -> tuple[arb, arb, arb]:
     """Return the primed g1, g2 and g3 at a distance x from a pole."""
     loop = half.loop
-    if x >= QUARTER:
+    if x >= QUARTER_TURN:
         return loop.G * loop.g1_sign, arb(0), loop.Z * half.g3_sign
     if x == 0.0:
         return arb(0), arb(int(hemisphere)), arb(0)

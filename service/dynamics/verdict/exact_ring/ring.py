@@ -94,7 +94,7 @@ class Relation:
 
 MAX_DIVISION_STEPS = 400
 """Degree of a quotient worth trying: dividing g1^N + 1 by rho makes N/2 terms before it fails."""
-SMALL = 1000
+UNCHECKED_PRODUCTS = 1000
 """Products of terms below which the size of the coefficients is not looked at."""
 MAX_EXPONENT = 2**48
 """Exponents must stay inside 64 bits after the few products that follow."""
@@ -240,7 +240,7 @@ class Ring:
         """Return x y."""
         products = len(x.numerator) * len(y.numerator)
         self.work.spend(products)
-        if products > SMALL:
+        if products > UNCHECKED_PRODUCTS:
             require_room(products, height(x.numerator) + height(y.numerator))
         if y.shift == self.no_shift:
             shift = x.shift

@@ -23,7 +23,7 @@ from service.dynamics.verdict.exact_ring.values import GeneratorValues, coordina
 
 MAX_PIECES = 160
 """Pieces of the sphere on which balls are tried for one sign."""
-SMALLEST_PIECE = 1 / 64
+MIN_PIECE_SIZE = 1 / 64
 WORK_OF_A_PIECE = 40
 """Cost of evaluating one term in balls, in products of terms."""
 MAX_TERMS = 60
@@ -198,7 +198,7 @@ class Signs:
             found = _sign(GeneratorValues(self._ring, placed).element(element))
             if found == sign:
                 continue
-            if found or pieces > MAX_PIECES or first[1] - first[0] < SMALLEST_PIECE:
+            if found or pieces > MAX_PIECES or first[1] - first[0] < MIN_PIECE_SIZE:
                 return False
             pending += [(a, b) for a in _halves(first) for b in _halves(third)]
         return True

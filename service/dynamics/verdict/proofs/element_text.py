@@ -33,7 +33,7 @@ from service.dynamics.verdict.ring_functions.transcendental import as_vector
 MAX_TERMS = 400
 """Largest number of terms of a polynomial in g1, g2, g3; a longer formula helps nobody."""
 
-MOST_TYPED = 2
+MAX_TERMS_AS_TYPED = 2
 """Terms that are left as they are; of more, factors are looked for."""
 
 Place = tuple[int, int, int]
@@ -99,7 +99,7 @@ class ElementText:
     ) -> list[str]:
         """Return the terms of number · polynomial · factors, as one product where that is shorter."""
         terms = self._shortest(octants)
-        split = self._split(octants) if self._without is None and len(terms) > MOST_TYPED else None
+        split = self._split(octants) if self._without is None and len(terms) > MAX_TERMS_AS_TYPED else None
         if split is not None:
             coefficient, pieces = split
             written = [(self._shortest(piece), power) for piece, power in pieces]
@@ -144,8 +144,8 @@ class ElementText:
         if any(n != number or [k for _, k in each] != powers for n, each in found.values()):
             return Fraction(1), []
         return number, [
-            ({signs: each[place][0] for signs, (_, each) in found.items()}, k)
-            for place, k in enumerate(powers)
+            ({signs: each[index][0] for signs, (_, each) in found.items()}, k)
+            for index, k in enumerate(powers)
         ]
 
     def _polynomial(self, signs: Signs, piece: fmpq_mpoly) -> _Polynomial:

@@ -12,9 +12,9 @@ from flint import arb, fmpq, fmpz
 
 from service.dynamics.formula.tape import Instruction, Tape
 
-MOST_TERMS = 256
+MAX_TERMS = 256
 """Largest number of terms of a sum, before equal ones are added."""
-HIGHEST = 64
+MAX_POWER = 64
 """Power of g2, or of a sum."""
 _NAMED: Mapping[str, Callable[[arb], arb]] = MappingProxyType(
     {"exp": arb.exp, "sin": arb.sin, "cos": arb.cos}
@@ -63,7 +63,7 @@ class PowerReader:
                 found = registers[left] + registers[right]
             else:
                 found = self._carried_out(instruction, registers)
-            if len(found) > MOST_TERMS:
+            if len(found) > MAX_TERMS:
                 raise NotAPowerSumError
             registers.append(found)
         return registers[tape.result]
@@ -88,12 +88,12 @@ class PowerReader:
             # The usual case: a power of |g1| or |g3|.
             return [(_ONE, a * exponent if a else ZERO, ZERO, d * exponent if d else ZERO, 0, 0, 0, ())]
         # What is infinite at g2 = 0, or too high a sum once g2² is replaced, is left to others.
-        if b and not 0 <= b * exponent <= HIGHEST:
+        if b and not 0 <= b * exponent <= MAX_POWER:
             raise NotAPowerSumError
         a, b, d = (a * exponent if a else ZERO), (b * exponent if b else ZERO), (d * exponent if d else ZERO)
         if exponent.q == 1:
             n = int(exponent.p)
-            if -HIGHEST <= n <= HIGHEST and c:
+            if -MAX_POWER <= n <= MAX_POWER and c:
                 c = c if c is _ONE else c**n
                 if constants:
                     constants = tuple((constant, power * n) for constant, power in constants if n)
@@ -103,8 +103,8 @@ class PowerReader:
             return [(c, a, b, d, one * odd, two * odd, three * odd, constants)]
         if c != 1 or constants or one + two + three > 1:
             raise NotAPowerSumError
-        for place, sign in enumerate((one, two, three)):
-            self.is_positive[place] |= bool(sign)
+        for index, sign in enumerate((one, two, three)):
+            self.is_positive[index] |= bool(sign)
         return [(c, a, b, d, 0, 0, 0, ())]
 
 
@@ -116,12 +116,12 @@ _VARIABLES: tuple[PowerSum, ...] = (
 
 
 def _power_of_sum(base: PowerSum, exponent: fmpq) -> PowerSum:
-    if exponent.q != 1 or not 0 <= exponent <= HIGHEST or not base:
+    if exponent.q != 1 or not 0 <= exponent <= MAX_POWER or not base:
         raise NotAPowerSumError
     found: PowerSum = [(_ONE, ZERO, ZERO, ZERO, 0, 0, 0, ())]
     for _ in range(int(exponent.p)):
         found = _product(found, base)
-        if len(found) > MOST_TERMS:
+        if len(found) > MAX_TERMS:
             break
     return found
 
@@ -180,7 +180,7 @@ def _negated(terms: PowerSum) -> PowerSum:
 
 
 def _product(left: PowerSum, right: PowerSum) -> PowerSum:
-    if len(left) * len(right) > MOST_TERMS:
+    if len(left) * len(right) > MAX_TERMS:
         raise NotAPowerSumError
     return [
         (

@@ -20,7 +20,7 @@ from service.dynamics.verdict.sphere.points import Point
 from service.dynamics.verdict.sphere.switches import Signs, Switches
 
 _BITS = 192
-_HALVINGS = 120
+_CROSSING_HALVINGS = 120
 """The crossing is known to 2^-120 of the box, its values to that times a slope."""
 _PLACES = (Fraction(1, 3), Fraction(5, 8), Fraction(1, 50), Fraction(49, 50))
 
@@ -133,7 +133,7 @@ def _bisected(
     if not ((first > 0 and last < 0) or (first < 0 and last > 0)):
         return None
     rises = bool(first < 0)
-    for _ in range(_HALVINGS):
+    for _ in range(_CROSSING_HALVINGS):
         middle = (low + high) / 2
         value = _value(argument, point(middle))
         if value.contains(0):

@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.intervals import Interval, IntervalAlgebra
 from service.dynamics.formula.tape import Tape
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 from service.dynamics.verdict.sphere.points import Point
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-QUARTER = 0.5 * np.pi
-COARSEST = 8
+FIRST_STRETCHES = 8
 """Stretches of a quarter turn to begin with."""
-ERROR = 2.0**-48
+SINE_ERROR = 2.0**-48
 """More than the error of a sine or cosine of numpy, and of the rounding of π/2."""
 
 
@@ -94,13 +94,13 @@ def point_of_tangents(signs: tuple[int, int, int], t: Fraction, u: Fraction) -> 
 
 def whole_sphere() -> Boxes:
     """Return boxes that cover the sphere."""
-    edges = np.linspace(0.0, QUARTER, COARSEST + 1)
+    edges = np.linspace(0.0, QUARTER_TURN, FIRST_STRETCHES + 1)
     # The last edge is rounded: the bounds of sine and cosine there are widened by more.
     rows = [
         (signs, edges[i], edges[i + 1], edges[j], edges[j + 1])
         for signs in product((1.0, -1.0), repeat=3)
-        for i in range(COARSEST)
-        for j in range(COARSEST)
+        for i in range(FIRST_STRETCHES)
+        for j in range(FIRST_STRETCHES)
     ]
     return Boxes(
         np.array([row[0] for row in rows]),
@@ -159,7 +159,7 @@ def bounds_of(
 
 def _axes(algebra: IntervalAlgebra, boxes: Boxes) -> tuple[Interval, Interval, Interval]:
     def between(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return np.maximum(low - ERROR, 0.0), np.minimum(high + ERROR, 1.0)
+        return np.maximum(low - SINE_ERROR, 0.0), np.minimum(high + SINE_ERROR, 1.0)
 
     across = between(np.cos(boxes.theta_high), np.cos(boxes.theta_low))
     first = between(np.cos(boxes.phi_high), np.cos(boxes.phi_low))

@@ -19,11 +19,11 @@ from service.dynamics.verdict.sphere.switches import Signs, Switches
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-MOST_LEVELS = 10
+MAX_CUT_ROUNDS = 10
 """Rounds of cutting in four: the smallest boxes have sides of a five-thousandth of a radian."""
-MOST_BOXES = 30_000
+MAX_BOXES = 30_000
 """Largest number of boxes at a time."""
-MOST_SWITCHES = 10
+MAX_SWITCHES = 10
 POINTS_PER_PIECE = 6
 BOXES_PER_LINE = 24
 _PLACES = ((0.5, 0.5), (1e-3, 1e-3), (1e-3, 0.999), (0.999, 1e-3), (0.999, 0.999))
@@ -70,10 +70,10 @@ def find_pieces(switches: Switches, is_late: Callable[[], bool]) -> SpherePieces
         There are too many switches, or time is over.
     """
     count = len(switches.absolutes)
-    if count > MOST_SWITCHES:
-        raise TooManyPiecesError(f"more than {MOST_SWITCHES} absolute values")
+    if count > MAX_SWITCHES:
+        raise TooManyPiecesError(f"more than {MAX_SWITCHES} absolute values")
     found, boxes = SpherePieces(), whole_sphere()
-    for level in range(MOST_LEVELS):
+    for level in range(MAX_CUT_ROUNDS):
         if is_late():
             raise TooManyPiecesError("the time for a verdict is over")
         signs, has_value = _signs(switches, boxes)
@@ -81,7 +81,7 @@ def find_pieces(switches: Switches, is_late: Callable[[], bool]) -> SpherePieces
         boxes, signs = boxes.at(alive), signs[:, alive]
         _visit(switches, boxes, found, everywhere=level == 0)
         is_open = np.zeros(len(boxes), dtype=bool)
-        is_last = level == MOST_LEVELS - 1 or 4 * len(boxes) > MOST_BOXES
+        is_last = level == MAX_CUT_ROUNDS - 1 or 4 * len(boxes) > MAX_BOXES
         for pattern, here in _patterns(signs):
             possible = list(combinations(pattern))
             is_settled = all(each in found.points for each in possible)

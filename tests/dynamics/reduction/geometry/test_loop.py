@@ -7,7 +7,7 @@ from flint import ctx
 
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
-from service.dynamics.reduction.windows import PRECISION
+from service.dynamics.reduction.windows import REDUCTION_BITS
 from tests.support.planar import body, formula
 
 
@@ -25,6 +25,6 @@ from tests.support.planar import body, formula
 )
 def test_the_way_through_a_pole_is_unique_where_curve_and_field_are_smooth(A, text, unique):
     rigid_body = body(A, 1)
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         loop = make_loop(rigid_body, formula(text, rigid_body), PlanarMotion(Fraction(1)))
         assert loop.is_smooth_at_poles() == unique

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop, start_g3_sign
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
-    QUARTER,
+    QUARTER_TURN,
     Cells,
     Loops,
     have_no_motion,
@@ -44,7 +44,7 @@ def test_the_sign_of_a_stretch_is_the_sign_at_every_place(case, other, attracts,
     potential = formula(case.text, rigid_body)
     random = np.random.default_rng(seed)
     low = np.where(random.random(24) < 0.2, 0.0, 10.0 ** random.uniform(-9.0, 0.1, 24))
-    high = np.minimum(np.maximum(low, 1e-3) * (1.0 + 10.0 ** random.uniform(-6.0, 0.5, 24)), QUARTER)
+    high = np.minimum(np.maximum(low, 1e-3) * (1.0 + 10.0 ** random.uniform(-6.0, 0.5, 24)), QUARTER_TURN)
     cells = Cells(np.zeros(24, dtype=np.int64), random.choice([-1.0, 1.0], 24), low, high)
     found = radicand_signs(potential.tape, loops_of(rigid_body, [case.motion]), cells)
     with ctx.workprec(400):

@@ -16,18 +16,18 @@ from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.compiled.general.held import hold
 from workers.solvers.compiled.general.integrals import integrals_at
 from workers.solvers.compiled.general.lanes import LANES, first_row, new_rows, number_at, place_of, put_number
-from workers.solvers.compiled.general.many import solve_twin
+from workers.solvers.compiled.general.many import solve_pair
 from workers.solvers.compiled.general.nodes import HALVES, PLACES, put_gains, put_series, put_whole_states
 from workers.solvers.compiled.general.rates import WIDTH, new_values, rates_at
 from workers.solvers.compiled.general.records import Asked
+from workers.solvers.compiled.general.run_pair import COLLIDED, INACCURATE, OPEN, VERIFIED
 from workers.solvers.compiled.general.sampling import new_values_at
 from workers.solvers.compiled.general.series import COUNT, ORDER, STATE, take_series
 from workers.solvers.compiled.general.steps import ARRIVED, FAILED, TIRED
-from workers.solvers.compiled.general.twin import COLLIDED, HELD, INACCURATE, OPEN
 from workers.solvers.compiled.kernels import kernel
-from workers.solvers.integration.compiled import asked_of_twin, held_twins, integrator_of, models_of
+from workers.solvers.integration.compiled import integrator_of, models_of, pair_request, verified_runs
 from workers.solvers.integration.programs import gradient_program
-from workers.solvers.integration.twin import Span
+from workers.solvers.integration.run_pair import Span
 
 FORMULA = "exp(g2)*sin(g1) + log(2 + g3) + (2 + g2)^(1/3) - 1/(3 + g1^2) + tan(g3/2)"
 START = np.array([0.3, 0.1, -0.2, 0.6, 0.0, 0.8])
@@ -162,15 +162,15 @@ def _mirrored(series):
 
 
 @pytest.mark.parametrize(
-    ("tolerance", "last", "status"), [(1e-9, 3.0, HELD), (1e-16, 3.0, INACCURATE), (1e-9, 0.0, OPEN)]
+    ("tolerance", "last", "status"), [(1e-9, 3.0, VERIFIED), (1e-16, 3.0, INACCURATE), (1e-9, 0.0, OPEN)]
 )
-def test_a_twin_is_held_too_inaccurate_or_not_decided(tolerance, last, status):
+def test_a_pair_of_runs_is_verified_too_inaccurate_or_not_decided(tolerance, last, status):
     integrator = integrator_of(BODY, expression_potential(FORMULA, {}, BODY))
-    asked = asked_of_twin(
+    asked = pair_request(
         integrator, Span(0.0, last), local_tolerance=1e-13, max_steps=1000, tolerance=tolerance
     )
     assert isinstance(asked, Asked)
-    found = solve_twin(integrator.models, START, START, np.linspace(0.0, last, 5), asked)
+    found = solve_pair(integrator.models, START, START, np.linspace(0.0, last, 5), asked)
     assert found[0] == status
     assert (status == OPEN) == bool(np.isnan(found[3]).all())
 
@@ -187,13 +187,13 @@ def test_motions_side_by_side_have_the_bits_they_have_alone(span):
     states[4] = [0.0, 0.0, 0.0, 0.6, 0.8, 0.0]  # g3 = 0 is the pole
     others = np.nextafter(states, 1.0)
     times = np.linspace(span.first, span.last, 10)
-    asked = asked_of_twin(integrators[0], span, local_tolerance=1e-13, max_steps=1000, tolerance=1e-9)
-    found = held_twins(models_of(integrators), which, states, others, times, asked, times, None)
-    assert [ending == HELD for ending in found.endings] == [n != 4 for n in range(11)]
-    for n in np.flatnonzero(found.endings == HELD):
+    asked = pair_request(integrators[0], span, local_tolerance=1e-13, max_steps=1000, tolerance=1e-9)
+    found = verified_runs(models_of(integrators), which, states, others, times, asked, times, None)
+    assert [ending == VERIFIED for ending in found.endings] == [n != 4 for n in range(11)]
+    for n in np.flatnonzero(found.endings == VERIFIED):
         models = models_of([integrators[which[n]]])
-        status, breaks, series, numbers = solve_twin(models, states[n], others[n], times, asked)
-        assert status == HELD
+        status, breaks, series, numbers = solve_pair(models, states[n], others[n], times, asked)
+        assert status == VERIFIED
         assert np.array_equal(numbers, found.numbers[n])
         assert np.array_equal(DenseOutput(COLUMNS, breaks, series, None, 0.0)(times), found.samples[n])
 
@@ -204,9 +204,9 @@ def test_a_motion_that_is_held_up_to_a_singularity_collides(span, side):
     body = RigidBody(Fraction(1), Fraction(1), Fraction(1))
     integrator = integrator_of(body, expression_potential("-1/g3^2", {}, body))
     start = np.array([0.0, 0.0, 0.0, 0.6, 0.0, 0.8])
-    asked = asked_of_twin(integrator, span, local_tolerance=1e-13, max_steps=1000, tolerance=1e-9)
+    asked = pair_request(integrator, span, local_tolerance=1e-13, max_steps=1000, tolerance=1e-9)
     times = np.array([span.first, span.last])
-    status, _, _, numbers = solve_twin(integrator.models, start, start, times, asked)
+    status, _, _, numbers = solve_pair(integrator.models, start, start, times, asked)
     assert status == COLLIDED
     # From rest at sin u = 4/5, E = −25/16. With c = cos u the time is ∫ dc / sqrt(2 (25 c² − 9) / 16), from
     # c = 3/5 to 1: that is (4/5) arcosh(5/3) / sqrt(2).
@@ -218,10 +218,10 @@ def test_a_motion_that_is_held_up_to_a_singularity_collides(span, side):
 
 def test_an_error_that_finer_runs_follow_is_not_held_against_the_equations():
     integrator = integrator_of(BODY, expression_potential(FORMULA, {}, BODY))
-    asked = asked_of_twin(
+    asked = pair_request(
         integrator, Span(0.0, 3.0), local_tolerance=1e-13, max_steps=1000, tolerance=1e-16, is_last=False
     )
-    status, _, _, numbers = solve_twin(integrator.models, START, START, np.linspace(0.0, 3.0, 5), asked)
+    status, _, _, numbers = solve_pair(integrator.models, START, START, np.linspace(0.0, 3.0, 5), asked)
     assert status == INACCURATE
     assert np.isnan(numbers).all()
 

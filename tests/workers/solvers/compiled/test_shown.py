@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from service.dynamics.defect.accumulation import Blocks, accumulate
 from service.dynamics.defect.equations import Equations
-from service.dynamics.defect.evidence import hold_against_equations, hold_samples
+from service.dynamics.defect.evidence import check_residual, check_samples
 from service.dynamics.problem import Accuracy, PlanarMotion
 from service.dynamics.solution.dense_output import DenseOutput
 from tests.support.planar import body, formula, planar
@@ -137,7 +137,7 @@ def kept(motion, text="-g1", dense=None, claim=None):
 
 def test_a_solution_of_the_very_equations_keeps_its_claim(motion):
     found = kept(motion)
-    arrays = hold_against_equations(
+    arrays = check_residual(
         BODY, formula("-g1", BODY), motion.dense, motion.dense.error, motion.energy, is_planar=True
     )
     assert (found.settled, found.error) == (1.0, arrays.error)
@@ -153,9 +153,7 @@ def test_a_claim_that_arrays_raise_is_not_kept(motion, piece, degree, size, colu
     coefficients = motion.dense.coefficients.copy()
     coefficients[piece % len(coefficients), degree, column] += 10.0**size
     dense = replace(motion.dense, coefficients=coefficients)
-    arrays = hold_against_equations(
-        BODY, formula("-g1", BODY), dense, dense.error, motion.energy, is_planar=True
-    )
+    arrays = check_residual(BODY, formula("-g1", BODY), dense, dense.error, motion.energy, is_planar=True)
     found = kept(motion, dense=dense)
     if found is None:
         return
@@ -193,7 +191,7 @@ def test_samples_keep_a_claim_only_where_arrays_keep_it(motion, place, column, s
     samples = motion.dense(np.linspace(0.0, 7.0, 100))
     samples[place, column] += 10.0**size
     potential, claim = formula("-g1", BODY), 1e-11
-    arrays = hold_samples(BODY, potential, samples, claim, motion.energy)
+    arrays = check_samples(BODY, potential, samples, claim, motion.energy)
     if samples_keep_claim(BODY, potential, samples, claim, motion.energy):
         assert arrays == claim
 
@@ -262,13 +260,13 @@ def test_a_corner_in_the_long_pieces_of_a_draft_is_settled_without_arrays(width,
     def arrays(*_, **__):
         raise AssertionError("arrays are asked")
 
-    monkeypatch.setattr(evidence, "hold_against_equations", arrays)
+    monkeypatch.setattr(evidence, "check_residual", arrays)
     motion = solve_planar(problem)
     assert len(motion.dense.breaks) < 12
     assert motion.evidence["defect_covers"] == 1.0
     # The same function in shorter pieces shows the same integrals: their nodes are others, its roundings too.
     monkeypatch.undo()
-    whole = hold_against_equations(
+    whole = check_residual(
         BODY, problem.potential, motion.dense, motion.dense.error, motion.energy, is_planar=True
     )
     assert motion.evidence["defect"] == pytest.approx(whole.defect, rel=0.5)

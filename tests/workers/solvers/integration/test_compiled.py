@@ -5,28 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from service.dynamics.defect.evidence import hold_against_equations
+from service.dynamics.defect.evidence import check_residual
 from service.dynamics.motion import COLUMNS, Estimate
 from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.solution.dense_output import DenseOutput
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.integration import compiled
-from workers.solvers.integration.compiled import Held, integrator_of, samples_of
+from workers.solvers.integration.compiled import VerifiedRun, integrator_of, samples_of
 from workers.solvers.integration.interface import Run, neighbour_of
-from workers.solvers.integration.solve import GROWTH, integrate_state, quest_of, tolerances
+from workers.solvers.integration.solve import GROWTH, integrate_state, run_request_of, tolerances
 
 STATE = (0.3, 0.1, -0.2, 0.6, 0.0, 0.8)
 TIMES = np.linspace(-3.0, 5.0, 23)
 TEXTS = ["-g1 + 1/(20*g3^2)", "exp(g2)*sin(g1) + log(2 + g3) + (2 + g2)^(1/3)", "g1/10"]
 
 
-def held(text, times=TIMES, tolerance=1e-9) -> Held:
+def verified(text, times=TIMES, tolerance=1e-9) -> VerifiedRun:
     field = expression_potential(text, {}, BODY)
     neighbour = np.array([neighbour_of(number) for number in STATE])
-    integrator, quest = integrator_of(BODY, field), quest_of(times, tolerance)
+    integrator, run_request = integrator_of(BODY, field), run_request_of(times, tolerance)
     for local_tolerance in tolerances(integrator, tolerance):
-        found = quest.try_kernels(integrator, np.array(STATE), neighbour, local_tolerance)
-        if isinstance(found, Held):
+        found = run_request.try_kernels(integrator, np.array(STATE), neighbour, local_tolerance)
+        if isinstance(found, VerifiedRun):
             return found
         # A number is the error that was reached: the next tolerance is finer.
         assert isinstance(found, float)
@@ -35,11 +35,11 @@ def held(text, times=TIMES, tolerance=1e-9) -> Held:
 
 @pytest.mark.parametrize("text", TEXTS)
 def test_defect_drift_and_claim_are_those_of_the_general_code(text):
-    found = held(text)
+    found = verified(text)
     dense = DenseOutput(COLUMNS, found.breaks, found.coefficients, None, found.error)
     field = expression_potential(text, {}, BODY)
     energy = Estimate(found.energy, found.energy_error)
-    shown = hold_against_equations(BODY, field, dense, found.error, energy, is_planar=False)
+    shown = check_residual(BODY, field, dense, found.error, energy, is_planar=False)
     assert shown.error == found.error
     assert shown.settled == 1.0
     # Both bound the same D: they differ by what interpolation leaves out, at most a tenth of the claim each,
@@ -50,7 +50,7 @@ def test_defect_drift_and_claim_are_those_of_the_general_code(text):
 
 
 def test_samples_have_the_bits_of_the_function_of_time():
-    found = held(TEXTS[0])
+    found = verified(TEXTS[0])
     dense = DenseOutput(COLUMNS, found.breaks, found.coefficients, None, found.error)
     assert np.array_equal(samples_of(found, TIMES, None), dense(TIMES))
     rests = np.full(len(TIMES), 1e-17)
@@ -62,7 +62,7 @@ def test_kernels_and_the_general_way_find_the_same_motion(text, monkeypatch):
     """Without the kernels' word, the same runs go through the general code: the same claims, to rounding."""
     field = expression_potential(text, {}, BODY)
     quick = integrate_state(BODY, field, STATE[:3], STATE[3:], TIMES, tolerance=1e-9)
-    monkeypatch.setattr(compiled, "held_twin", lambda *_: None)
+    monkeypatch.setattr(compiled, "verified_run", lambda *_: None)
     monkeypatch.setattr(compiled.CompiledIntegrator, "keeps", lambda *_: False)
     slow = integrate_state(BODY, field, STATE[:3], STATE[3:], TIMES, tolerance=1e-9)
     assert np.array_equal(quick.samples, slow.samples)

@@ -19,8 +19,8 @@ from workers.solvers.compiled.general.series import STATE
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration import solve
 from workers.solvers.integration.compiled import integrator_of
+from workers.solvers.integration.run_pair import UNIT_ROUNDOFF, errors_on_the_way, passed_on
 from workers.solvers.integration.solve import GROWTH, integrate_state
-from workers.solvers.integration.twin import UNIT, errors_on_the_way, passed_on
 from workers.sweeping.chunk import ChunkSolver
 from workers.sweeping.plan import make_plan
 
@@ -111,7 +111,7 @@ def test_kernels_and_general_code_find_the_same_growth():
     )
     series, apart = np.pad(run.coefficients, ((0, 0), (0, 0), (0, LANES - STATE))), np.full(STATE, 1e-16)
     model = integrator.gradient, integrator.moments, run.breaks, series, series.shape[1]
-    by_kernels = grown(*model, apart, UNIT, 0.0, float(np.abs(series).max()))
+    by_kernels = grown(*model, apart, UNIT_ROUNDOFF, 0.0, float(np.abs(series).max()))
     found = errors_on_the_way(Equations.of(BODY, field), run, apart, 0.0)
     # J is a difference of rates, with 1e-11 of rounding.
     assert found == pytest.approx(by_kernels[1:], rel=1e-8)
@@ -208,7 +208,7 @@ def test_what_is_exactly_0_loses_nothing():
 
 def test_long_runs_that_rest_on_two_obey_the_same(monkeypatch):
     """Without kernels' word there are two runs, as there are of those with very many steps."""
-    monkeypatch.setattr(solve.Quest, "try_kernels", lambda *_: None)
+    monkeypatch.setattr(solve.RunRequest, "try_kernels", lambda *_: None)
     with pytest.raises(AccuracyNotMetError) as caught:
         integrate_state(
             FREE,

@@ -10,7 +10,7 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.start import StartingPoint, starting_point
 from service.dynamics.reduction.window import Window
-from service.dynamics.reduction.windows import PRECISION, choose_window, find_windows
+from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from service.dynamics.solution.dense_output import Period
 from tests.support.planar import Exact, body, formula
 from tests.support.witnesses.variational_system import jacobian_monodromy
@@ -30,19 +30,19 @@ class Case:
     period: Period
 
     def assess(self, tolerance: float = TOLERANCE) -> Stability:
-        with ctx.workprec(PRECISION):
+        with ctx.workprec(REDUCTION_BITS):
             return assess_stability(self.body, self.potential, self.start, self.period, tolerance)
 
     def hill(self) -> Monodromy:
-        with ctx.workprec(PRECISION):
+        with ctx.workprec(REDUCTION_BITS):
             return hill_monodromy(self.body, self.potential, make_orbit(self.start), self.period)
 
     def jacobian(self) -> Monodromy:
-        with ctx.workprec(PRECISION):
+        with ctx.workprec(REDUCTION_BITS):
             return jacobian_monodromy(self.body, self.potential, self.start, self.period)
 
     def state(self) -> list[float]:
-        with ctx.workprec(PRECISION):
+        with ctx.workprec(REDUCTION_BITS):
             return [float(value) for value in starting_state(self.start)]
 
 
@@ -64,7 +64,7 @@ def case(A: Exact, B: Exact | None, C: Exact, text: str, motion: PlanarMotion) -
 
 def in_window(rigid_body: RigidBody, potential: Potential, motion: PlanarMotion, window: Window) -> Case:
     assert window.kind == "periodic"
-    with ctx.workprec(PRECISION):
+    with ctx.workprec(REDUCTION_BITS):
         start = starting_point(window, motion)
         orbit = make_orbit(start)
         period = time_map_of(orbit).period

@@ -12,17 +12,17 @@ from tests.workers.solvers.stability.cases import Case, bobylev_steklov, case, l
 from workers.solvers.errors import PrecisionLostError
 from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.quadrature.errors import QuadratureNotConvergedError
+from workers.solvers.stability import assessment
 from workers.solvers.stability import monodromy as turns
-from workers.solvers.stability import trusted
-from workers.solvers.stability.assessment import hill_monodromy
-from workers.solvers.stability.monodromy import Monodromy, StabilityUndefinedError
-from workers.solvers.stability.trusted import (
+from workers.solvers.stability.assessment import (
     MAX_PERIODS,
     UNIT_ROUNDOFF,
+    hill_monodromy,
     power_norms,
     rotating_norms,
     trusted_time,
 )
+from workers.solvers.stability.monodromy import Monodromy, StabilityUndefinedError
 
 PERIOD = Period(2.0 * np.pi, 0.0, 0.0)
 """T = 2π: frequency 1."""
@@ -133,7 +133,7 @@ def test_next_to_a_separatrix_panels_follow_the_motion():
 def test_trusted_time_is_the_same_however_many_periods_are_looked_at_together(trace, tolerance, monkeypatch):
     M = monodromy(trace, -1.0, 1.0, 0.0)
     in_parts = trusted_time(M, 1.0, PERIOD, tolerance)
-    monkeypatch.setattr(trusted, "TOGETHER", MAX_PERIODS + 1)
+    monkeypatch.setattr(assessment, "PERIODS_TOGETHER", MAX_PERIODS + 1)
     # Roundings of sums of a million norms, in another order where harmonics were summed.
     assert trusted_time(M, 1.0, PERIOD, tolerance) == (
         in_parts if in_parts is None else pytest.approx(in_parts, rel=1e-11)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.formula.tape import Instruction, Tape
 from service.dynamics.formula.tree import VARIABLES
-from service.dynamics.keeping import Remembering
+from service.dynamics.identity_cache import IdentityCache
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -102,5 +102,5 @@ def _none_yet(_: Sequence[Instruction]) -> dict[int, tuple[Program, FloatArray]]
     return {}
 
 
-_PLAIN = Remembering(_none_yet)
+_PLAIN = IdentityCache(_none_yet)
 """Programs of tapes without further variables: of their instructions, by the result."""

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.defect.stretches import RHO
+from service.dynamics.defect.stretches import ELLIPSE_RHO
 from workers.solvers.compiled.blocks import two_sum
 from workers.solvers.compiled.general.integrals import integrals_at
 from workers.solvers.compiled.general.lanes import (
@@ -111,7 +111,7 @@ def hold(
             if half == 1.0:
                 whole_disc(series, degrees, few, centres, radii)
             else:
-                disc_of(coefficients[n, :degrees], middle, half, RHO, centres, radii, T)
+                disc_of(coefficients[n, :degrees], middle, half, ELLIPSE_RHO, centres, radii, T)
             largest_rates(code, constants, result, moments, c, r, centres, radii, bounds)
             level = _level_for(bounds, share)
             if level < 0:

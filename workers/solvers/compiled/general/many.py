@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from workers.solvers.compiled.general.lanes import LANES
 from workers.solvers.compiled.general.records import Asked, Models
+from workers.solvers.compiled.general.run_pair import NUMBERS, RUNS, VERIFIED, lanes_of, settle
 from workers.solvers.compiled.general.sampling import values_at
 from workers.solvers.compiled.general.series import STATE
 from workers.solvers.compiled.general.steps import new_pieces, take_steps
-from workers.solvers.compiled.general.twin import HELD, NUMBERS, RUNS, lanes_of, settle
 from workers.solvers.compiled.kernels import kernel
 
 FloatArray = NDArray[np.float64]
@@ -83,10 +83,10 @@ def _run_all(
 
 
 @kernel
-def solve_twin(
+def solve_pair(
     models: Models, state: FloatArray, other: FloatArray, check: FloatArray, asked: Asked
 ) -> tuple[int, FloatArray, FloatArray, FloatArray]:
-    """Solve one motion of the first model as :func:`solve_twins` does.
+    """Solve one motion of the first model as :func:`solve_pairs` does.
 
     Return how that ends, breaks and series of the finer run, and what is found.
     """
@@ -104,7 +104,7 @@ def solve_twin(
 
 
 @kernel
-def solve_twins(
+def solve_pairs(
     models: Models,
     which: IntArray,
     states: FloatArray,
@@ -150,5 +150,5 @@ def solve_twins(
                 found[place],
             )
             endings[place] = status
-            if status == HELD and samples.shape[1] > 0:
+            if status == VERIFIED and samples.shape[1] > 0:
                 values_at(breaks, series, length, times, rests, samples[place])

@@ -7,7 +7,7 @@ of a stretch are taken together: their sum has the even part of a series, their 
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.defect.stretches import INTERVALS, RHO, ROUNDING
+from service.dynamics.defect.stretches import DEFAULT_INTERVALS, ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.compiled.general.lanes import (
     ROW,
@@ -26,14 +26,14 @@ from workers.solvers.compiled.shown.stretches import HIGHEST_DEGREE
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-LEVELS = (16, 20, 24, 28, INTERVALS)
+LEVELS = (16, 20, 24, 28, DEFAULT_INTERVALS)
 """Numbers of intervals between the points: the first that leaves out no more than is allowed is taken."""
-HALF = INTERVALS // 2
+HALF = DEFAULT_INTERVALS // 2
 PLACES = HALF + 2
 """Rows of even or odd numbers, at most."""
 HALVES = np.array(LEVELS) // 2
 """Places of the middle among the points; those before it have positive x."""
-TAILS = np.array([4.0 * RHO**-level / (RHO - 1.0) for level in LEVELS])
+TAILS = np.array([4.0 * ELLIPSE_RHO**-level / (ELLIPSE_RHO - 1.0) for level in LEVELS])
 """Largest truncation error of interpolation, relative to the bound of F, for each level."""
 
 
@@ -47,7 +47,7 @@ def _of_level(level: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 def _tables() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return points, even and odd values (rows by the point), even and odd coefficients (rows by k)."""
     count, half = len(LEVELS), HALF + 1
-    nodes = np.zeros((count, INTERVALS + 1))
+    nodes = np.zeros((count, DEFAULT_INTERVALS + 1))
     even, odd = np.zeros((count, half, HIGHEST_DEGREE // 2 + 1)), np.zeros((count, half, HIGHEST_DEGREE // 2))
     even_series, odd_series = np.zeros((count, half, half)), np.zeros((count, half, half))
     for n, level in enumerate(LEVELS):
@@ -62,7 +62,7 @@ def _tables() -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArra
 
 NODES, EVEN_VALUES, ODD_VALUES, EVEN_SERIES, ODD_SERIES = _tables()
 _K = np.arange(HIGHEST_DEGREE + 1.0)
-GROWTH = 0.5 * (RHO**_K + RHO**-_K) + (_K % 2 == 0)
+GROWTH = 0.5 * (ELLIPSE_RHO**_K + ELLIPSE_RHO**-_K) + (_K % 2 == 0)
 GROWTH[0] = 0.0
 """|T_k(z) − T_k(0)| on the ellipse of a whole piece."""
 
@@ -80,7 +80,7 @@ def whole_disc(series: int, count: int, few: int, centres: FloatArray, radii: Fl
             centre = centre + sign * value
             sign = spread(0.0) - sign
     put(few, 0, centre)
-    put(few, 1, wide * spread(1.0 + ROUNDING) + spread(ROUNDING) * total)
+    put(few, 1, wide * spread(1.0 + SERIES_RELATIVE_ROUNDING) + spread(SERIES_RELATIVE_ROUNDING) * total)
     for a in range(STATE):
         centres[a], radii[a] = number_at(few, 0, a), number_at(few, 1, a)
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
-from service.dynamics.defect.evidence import FINEST, GOAL, Shown
-from service.dynamics.keeping import Remembering
+from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE, ResidualEvidence
+from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.solution.dense_output import DenseOutput
@@ -28,7 +28,7 @@ FloatArray = NDArray[np.float64]
 
 def kept_claim(
     body: RigidBody, potential: Potential, dense: DenseOutput, claim: float, energy: Estimate
-) -> Shown | None:
+) -> ResidualEvidence | None:
     """Return what a planar ``dense`` shows if that is within ``claim``; None if it is not settled."""
     degree = dense.coefficients.shape[1] - 1
     found = _program(potential)
@@ -36,7 +36,7 @@ def kept_claim(
         return None
     program, constants = found
     coefficients = np.ascontiguousarray(dense.coefficients)
-    goal = max(GOAL * claim, FINEST * float(np.abs(coefficients).max(initial=1.0)))
+    goal = max(TRUNCATION_SHARE * claim, MIN_TRUNCATION * float(np.abs(coefficients).max(initial=1.0)))
     defect, drift = defect_and_drift(
         program.code,
         constants,
@@ -49,7 +49,7 @@ def kept_claim(
         _reference(energy),
         energy.error,
     )
-    return Shown(defect, drift, 1.0, claim) if is_within(defect, 2.0 * claim) else None
+    return ResidualEvidence(defect, drift, 1.0, claim) if is_within(defect, 2.0 * claim) else None
 
 
 def samples_keep_claim(
@@ -87,7 +87,7 @@ def _moments(body: RigidBody) -> FloatArray:
     return np.array(moments)
 
 
-_moments_of = Remembering(_moments)
+_moments_of = IdentityCache(_moments)
 
 
 def _reference(energy: Estimate) -> FloatArray:

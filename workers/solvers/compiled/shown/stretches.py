@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.defect.stretches import INTERVALS, RHO, ROUNDING
+from service.dynamics.defect.stretches import DEFAULT_INTERVALS, ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.compiled.blocks import two_sum
 from workers.solvers.compiled.kernels import kernel
@@ -29,14 +29,14 @@ DEEPEST = 8
 PARTS = 2
 OWN_ROUNDING = 2.0**-50
 """Rounding error of a state, relative to its size."""
-NODES = chebyshev_points(INTERVALS)
-COUNT = INTERVALS + 1
-RHOS = np.array([2.0, 2.5, 3.0, 3.5, RHO])
+NODES = chebyshev_points(DEFAULT_INTERVALS)
+COUNT = DEFAULT_INTERVALS + 1
+RHOS = np.array([2.0, 2.5, 3.0, 3.5, ELLIPSE_RHO])
 """Sums of the semi-axes of ellipses, the thinnest first."""
-TAILS = 4.0 * RHOS**-INTERVALS / (RHOS - 1.0)
+TAILS = 4.0 * RHOS**-DEFAULT_INTERVALS / (RHOS - 1.0)
 """Largest truncation error of interpolation, relative to the bound of F, on each ellipse."""
 _TRANSFORM = chebyshev_coefficients(np.eye(COUNT)).T
-MIDDLE = INTERVALS // 2
+MIDDLE = DEFAULT_INTERVALS // 2
 EVEN = np.ascontiguousarray(_TRANSFORM[: MIDDLE + 1, ::2])
 """Matrix from sums of values at opposite nodes (rows, the middle one last) to coefficients of even index."""
 ODD = np.ascontiguousarray(_TRANSFORM[:MIDDLE, 1::2])
@@ -81,11 +81,11 @@ def disc_of(
                 second += k * k * (k * k - 1.0) / 3.0 * (up / rho if k > 1 else 1.0) * size
                 up *= rho
         if half == 1.0:
-            wide = whole * (1.0 + ROUNDING)
+            wide = whole * (1.0 + SERIES_RELATIVE_ROUNDING)
         else:
-            slope = abs(slope) + ROUNDING * steep
-            wide = min(s * first, s * slope + 0.5 * s * s * second) * (1.0 + ROUNDING)
-        centres[a], radii[a] = centre, wide + ROUNDING * total
+            slope = abs(slope) + SERIES_RELATIVE_ROUNDING * steep
+            wide = min(s * first, s * slope + 0.5 * s * s * second) * (1.0 + SERIES_RELATIVE_ROUNDING)
+        centres[a], radii[a] = centre, wide + SERIES_RELATIVE_ROUNDING * total
 
 
 @kernel
@@ -117,7 +117,10 @@ def _transform(values: FloatArray, series: FloatArray) -> None:
     """Fill in the Chebyshev coefficients of the values at the nodes."""
     even, odd = np.zeros(MIDDLE + 1), np.zeros(MIDDLE)
     for m in range(MIDDLE):
-        total, difference = values[m] + values[INTERVALS - m], values[m] - values[INTERVALS - m]
+        total, difference = (
+            values[m] + values[DEFAULT_INTERVALS - m],
+            values[m] - values[DEFAULT_INTERVALS - m],
+        )
         for k in range(MIDDLE):
             odd[k] += ODD[m, k] * difference
         for k in range(MIDDLE + 1):

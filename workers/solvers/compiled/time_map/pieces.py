@@ -10,20 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
-from workers.solvers.assembly.dense import BETWEEN, DEGREE, ROUNDING
+from workers.solvers.assembly.dense import CHECKED_POINTS, PIECE_DEGREE, VARIABLE_RELATIVE_ROUNDING
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Records
 from workers.solvers.compiled.time_map.sampling import sample
 
 FloatArray = NDArray[np.float64]
 
-NODES = DEGREE + 1
-PLACES = np.concatenate([chebyshev_points(DEGREE), BETWEEN])
+NODES = PIECE_DEGREE + 1
+PLACES = np.concatenate([chebyshev_points(PIECE_DEGREE), CHECKED_POINTS])
 """Nodes, and places between them at which the series is compared with the motion."""
-COUNT = NODES + len(BETWEEN)
+COUNT = NODES + len(CHECKED_POINTS)
 TRANSFORM = np.ascontiguousarray(chebyshev_coefficients(np.eye(NODES)).T)
 """Matrix from values at the nodes, rows, to coefficients."""
-SERIES_BETWEEN = np.ascontiguousarray(np.polynomial.chebyshev.chebvander(np.array(BETWEEN), DEGREE))
+SERIES_BETWEEN = np.ascontiguousarray(
+    np.polynomial.chebyshev.chebvander(np.array(CHECKED_POINTS), PIECE_DEGREE)
+)
 """T_k at the places between, shape (places, degree + 1)."""
 ALL = np.arange(6)
 
@@ -59,7 +61,7 @@ def _resolve_piece(
             for k in range(NODES):
                 value += SERIES_BETWEEN[j, k] * series[k]
             departure = max(departure, abs(value - states[NODES + j, a]))
-        allowed = atol + ROUNDING * (largest + share * (high - low))
+        allowed = atol + VARIABLE_RELATIVE_ROUNDING * (largest + share * (high - low))
         tail = max(abs(series[NODES - 1]), abs(series[NODES - 2]))
         is_resolved = is_resolved and tail <= allowed
         coefficients[:, a] = series

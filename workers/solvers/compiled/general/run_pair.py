@@ -20,7 +20,7 @@ from workers.solvers.compiled.kernels import kernel
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-HELD, INACCURATE, OPEN, COLLIDED = range(4)
+VERIFIED, INACCURATE, OPEN, COLLIDED = range(4)
 """All bounds are kept; they are, but the error is more than is allowed; something is not decided here; all
 bounds are kept up to a singularity of the potential."""
 RUNS = 4
@@ -180,15 +180,15 @@ def _collision(
         length, largest = seen(own)
         allowed = asked.fine_defect * largest
         # Next to the singularity it runs into, a run is not asked what is there.
-        limit, held = (1.0 - asked.before_the_end) * abs(breaks[count]), 0
-        while held < count and abs(breaks[held]) < limit:
-            held += 1
+        limit, verified = (1.0 - asked.before_the_end) * abs(breaks[count]), 0
+        while verified < count and abs(breaks[verified]) < limit:
+            verified += 1
         is_kept, _, _ = hold(
             formula,
             slopes,
             moments,
-            breaks[: held + 1],
-            own[:held],
+            breaks[: verified + 1],
+            own[:verified],
             length,
             0.1 * allowed * count,
             allowed,
@@ -208,9 +208,13 @@ def _collision(
             rival = all_breaks[other, : steps[2 * run + side] + 1]
             gap = max(gap, abs(rival[len(rival) - 1] + _time_left(rival) - time))
         deviations = grown(
-            slopes, moments, breaks[: held + 1], own, length, apart, asked.noise, asked.tail, largest
+            slopes, moments, breaks[: verified + 1], own, length, apart, asked.noise, asked.tail, largest
         )
-        late = asked.safety * deviations[held] / _speed(own[held - 1], breaks[held] - breaks[held - 1])
+        late = (
+            asked.safety
+            * deviations[verified]
+            / _speed(own[verified - 1], breaks[verified] - breaks[verified - 1])
+        )
         if status == OPEN or abs(time) < abs(found[0]):
             found[0], found[2], found[3] = time, sizes[lane, 0], sizes[lane, 1]
             found[1] = asked.safety * gap + abs(left) + late + SPACING * abs(time)
@@ -233,7 +237,7 @@ def settle(
     asked: Asked,
     found: FloatArray,
 ) -> tuple[int, FloatArray, FloatArray, int]:
-    """Compare the runs from ``lane`` on, hold them against the equations; see :func:`.many.solve_twins`.
+    """Compare the runs from ``lane`` on, hold them against the equations; see :func:`.many.solve_pairs`.
 
     ``apart`` says how far the state may be from the one that is meant. Return the breaks, series and degrees
     of the finer run too.
@@ -355,4 +359,4 @@ def settle(
             defect, drift = max(defect, by_defect), max(drift, by_drift)
     found[0], found[1], found[2], found[3] = error, difference, energy, stray
     found[4], found[5], found[6] = defect, drift, growth
-    return (HELD if is_accurate else INACCURATE), breaks, series, length
+    return (VERIFIED if is_accurate else INACCURATE), breaks, series, length

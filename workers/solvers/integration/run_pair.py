@@ -18,27 +18,25 @@ from service.dynamics.body import RigidBody
 from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import euler_poisson_rhs
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.solution.dense_output import DenseOutput
+from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, DenseOutput
 from workers.solvers.integration.errors import CollisionError, IntegrationError
-from workers.solvers.integration.followed import BEFORE_THE_END, followed
+from workers.solvers.integration.followed import UNCHECKED_TIME_SHARE, followed
 from workers.solvers.integration.interface import Integrator, Run, joined
 
 FloatArray = NDArray[np.float64]
 
-SAFETY = 4.0
+DIFFERENCE_FACTOR = 4.0
 """On the difference. Above the level of rounding it is the error of the worse run, and 1 would do; at that
 level two runs err alike and independently, and may differ by less than either errs. With both factors the
 claim was never below the actual error in thousands of random problems held against 64-bit significands."""
-UNIT = 2.0**-53
-"""A rounding, relative to the number."""
-ROUNDING = 4.0 * UNIT
+SHARED_RELATIVE_ROUNDING = 4.0 * UNIT_ROUNDOFF
 """Error that two runs share, relative to the variables: the rounded state, time, moments and coefficients."""
 
 
-LOOSER = 8.0
+COARSE_DEFECT_RATIO = 8.0
 """Times as much defect may the coarser run leave at a kink. With the same for both they err alike there, and
 their difference does not show it; like this it shows seven times what the finer one leaves."""
-ORDER = 9
+EXPONENTIAL_ORDER = 9
 """Order of the series of the exponential: see :data:`workers.solvers.compiled.general.growth.LONGEST`."""
 PIECES_TOGETHER = 512
 """Pieces of which J is found at once: some 50 MB."""
@@ -57,7 +55,7 @@ class Span:
 
 
 @dataclass(frozen=True, slots=True)
-class Twin:
+class RunPair:
     """Two runs from t = 0 in both directions."""
 
     fine: DenseOutput
@@ -91,13 +89,13 @@ class Twin:
         states = self.fine(times)
         rates = euler_poisson_rhs(body, potential, states[:, :3], states[:, 3:])
         speed = np.maximum(np.abs(rates.omega).max(axis=1), np.abs(rates.gamma).max(axis=1))
-        rounding = ROUNDING * (np.abs(states).max(axis=1) + np.abs(times) * speed)
+        rounding = SHARED_RELATIVE_ROUNDING * (np.abs(states).max(axis=1) + np.abs(times) * speed)
         piece = np.searchsorted(self.fine.breaks[1:-1], times, side="right")
-        estimate: FloatArray = SAFETY * self.difference(times) + rounding + self.growth[piece]
+        estimate: FloatArray = DIFFERENCE_FACTOR * self.difference(times) + rounding + self.growth[piece]
         return estimate
 
 
-def run_twin(
+def run_pair(
     integrator: Integrator,
     equations: Equations,
     state: FloatArray,
@@ -106,7 +104,7 @@ def run_twin(
     *,
     local_tolerance: float,
     max_steps: int,
-) -> Twin:
+) -> RunPair:
     """Integrate over ``span`` from ``state`` finely, and from ``neighbour`` less so.
 
     Every step of both is held against the ``equations``, which are those of ``integrator``.
@@ -128,7 +126,7 @@ def run_twin(
             end if isinstance(run.ending, CollisionError) else run.reached,
             local_tolerance=local_tolerance,
             max_steps=max_steps,
-            looseness=LOOSER,
+            looseness=COARSE_DEFECT_RATIO,
         )
         for run, end in zip(fine, ends, strict=True)
         if run.reached != 0.0
@@ -140,7 +138,7 @@ def run_twin(
     pairs = list(zip(moving, coarse, deviations, strict=True))
     endings = [_ending(*pair) for pair in pairs] + [run.ending for run in fine if run.reached == 0.0]
     reached = [min(one.reached, two.reached, key=abs) for one, two, _ in pairs]
-    return Twin(
+    return RunPair(
         fine=_both_sides(fine, state),
         coarse=_both_sides(coarse, neighbour),
         span=Span(min([0.0, *reached]), max([0.0, *reached])),
@@ -156,12 +154,12 @@ def run_twin(
 
 def _claimed(pairs: list[tuple[Run, Run, FloatArray]]) -> FloatArray:
     """Return the part of the claim in each piece of both sides."""
-    from workers.solvers.compiled.general.twin import beyond_first_order  # noqa: PLC0415
+    from workers.solvers.compiled.general.run_pair import beyond_first_order  # noqa: PLC0415
 
     parts = [np.zeros(0)]
     for run, _, deviations in pairs:
         size = float(np.abs(run.coefficients).max())
-        part = np.array([beyond_first_order(SAFETY * each, size) for each in deviations.tolist()])
+        part = np.array([beyond_first_order(DIFFERENCE_FACTOR * each, size) for each in deviations.tolist()])
         parts.append(part[::-1] if run.reached < 0.0 else part)
     return np.concatenate(parts) if len(parts) > 1 else np.zeros(1)
 
@@ -171,18 +169,23 @@ def _ending(fine: Run, coarse: Run, deviations: FloatArray) -> IntegrationError 
     found = [run.ending for run in (fine, coarse) if run.ending is not None]
     if not (len(found) == 2 and all(isinstance(ending, CollisionError) for ending in found)):
         return min(found, key=lambda ending: abs(ending.time), default=None)
-    from workers.solvers.compiled.general.twin import time_left  # noqa: PLC0415
+    from workers.solvers.compiled.general.run_pair import time_left  # noqa: PLC0415
 
     ending = found[0]
     assert isinstance(ending, CollisionError)
     left = time_left(fine.breaks)
     time = fine.reached + left
     gap = abs(coarse.reached + time_left(coarse.breaks) - time)
-    last = int(np.searchsorted(np.abs(fine.breaks[1:]), (1.0 - BEFORE_THE_END) * abs(fine.reached)))
+    last = int(np.searchsorted(np.abs(fine.breaks[1:]), (1.0 - UNCHECKED_TIME_SHARE) * abs(fine.reached)))
     last = min(last, len(deviations) - 1)
     step = fine.breaks[last + 1] - fine.breaks[last]
     speed = float(np.abs(2.0 * fine.coefficients[last, 1::2].sum(axis=0) / step).max())
-    error = SAFETY * gap + abs(left) + SAFETY * deviations[last] / speed + 8.0 * UNIT * abs(time)
+    error = (
+        DIFFERENCE_FACTOR * gap
+        + abs(left)
+        + DIFFERENCE_FACTOR * deviations[last] / speed
+        + 8.0 * UNIT_ROUNDOFF * abs(time)
+    )
     return CollisionError(time=time, error=error, start=ending.start, end=ending.end)
 
 
@@ -215,7 +218,7 @@ def errors_on_the_way(equations: Equations, run: Run, start: FloatArray, left_ou
         states, jacobians = _derivatives(equations, series[piece], apart[piece], nodes)
         lost = (np.abs(jacobians[:, 1]) * np.abs(states[:, 1, None])).sum(axis=2)
         lost[:, :3] += _halves_of_torque(equations, states[:, 1, 3:]) / equations.moments
-        lost *= (UNIT * np.abs(times)[piece] * np.sqrt(half))[:, None]
+        lost *= (UNIT_ROUNDOFF * np.abs(times)[piece] * np.sqrt(half))[:, None]
         # The tolerance is of the largest variable; of others, as their last coefficients are.
         tails = np.abs(series[:, 2 * series.shape[1] // 3 :]).sum(axis=1)
         shares = tails / np.maximum(tails.max(axis=1, keepdims=True), np.finfo(np.float64).tiny)
@@ -255,7 +258,7 @@ def _transitions(nodes: FloatArray, times: FloatArray) -> FloatArray:
     exponent = one + three / 12.0 + (outer @ second - second @ outer) / 240.0
     exponent[~np.isfinite(exponent).all(axis=(1, 2))] = 0.0
     found = np.broadcast_to(np.eye(6), exponent.shape)
-    for k in range(ORDER, 0, -1):
+    for k in range(EXPONENTIAL_ORDER, 0, -1):
         found = np.eye(6) + exponent @ found / k
     return found
 

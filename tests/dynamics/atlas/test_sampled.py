@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 from flint import arb, ctx
 
-from service.dynamics.atlas import sampled_atlas as seen_series
+from service.dynamics.atlas import sampled_atlas as module
 from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.potentials.families.general import general_potential
@@ -56,19 +56,19 @@ def test_what_is_seen_is_what_is_proved_of_the_same_potential(name, monkeypatch)
     on, over = body(*moments), LambdaRange(*map(Fraction, ends))
     known = formula(text, on)
     # Windows of one λ for each part: of the integral it takes a minute to find these, next to the poles.
-    monkeypatch.setattr(seen_series, "find_windows", lambda on, _, motion: find_windows(on, known, motion))
+    monkeypatch.setattr(module, "find_windows", lambda on, _, motion: find_windows(on, known, motion))
     proved = make_atlas(on, known, over, SAMPLES)
-    seen = make_atlas(on, general_potential(on, F, G, {}), over, SAMPLES)
-    assert (proved.proof, seen.proof) == ("proved", "seen")
+    sampled = make_atlas(on, general_potential(on, F, G, {}), over, SAMPLES)
+    assert (proved.proof, sampled.proof) == ("proved", "seen")
     assert not proved.undecided
-    assert not seen.undecided
+    assert not sampled.undecided
     assert proved.changes
-    assert [change.kind for change in seen.changes] == [change.kind for change in proved.changes]
-    for one, other in zip(seen.changes, proved.changes, strict=True):
+    assert [change.kind for change in sampled.changes] == [change.kind for change in proved.changes]
+    for one, other in zip(sampled.changes, proved.changes, strict=True):
         assert one.lower.union(one.upper).overlaps(other.lower.union(other.upper))
         # WIDEST is 16e-10 in log λ of the primed axes, twice as much at most in the client's.
         assert one.upper - one.lower < 4e-9 * one.upper
-    for part, same in zip(seen.parts, proved.parts, strict=True):
+    for part, same in zip(sampled.parts, proved.parts, strict=True):
         told, expected = (
             [(band.window.kind, band.window.ends, len(band.window.arcs)) for band in each.series.bands]
             for each in (part, same)
@@ -81,9 +81,9 @@ def test_what_is_seen_is_what_is_proved_of_the_same_potential(name, monkeypatch)
 def test_windows_are_those_of_single_motions_of_the_integral(F):
     on, over = body(3, 2), LambdaRange(Fraction(1, 5), Fraction(2))
     potential = general_potential(on, F, "g2^2-1/3", {})
-    seen = make_atlas(on, potential, over, SAMPLES)
-    assert [change.kind for change in seen.changes] == ["window_vanishes"]
-    for part, count in zip(seen.parts, (1, 0), strict=True):
+    sampled = make_atlas(on, potential, over, SAMPLES)
+    assert [change.kind for change in sampled.changes] == ["window_vanishes"]
+    for part, count in zip(sampled.parts, (1, 0), strict=True):
         assert len(part.series.bands) == count
         are_single_motions(on, potential, part.series, (2,))
         # Between the samples too, at a λ that no sample is.

@@ -2,7 +2,7 @@
 
 from fractions import Fraction
 
-from service.dynamics.keeping import MOST, Remembering
+from service.dynamics.identity_cache import MAX_OBJECTS, IdentityCache
 
 
 def test_what_is_made_once_is_made_no_more_and_equal_objects_are_apart():
@@ -12,7 +12,7 @@ def test_what_is_made_once_is_made_no_more_and_equal_objects_are_apart():
         asked.append(number)
         return [number]
 
-    kept = Remembering(noted)
+    kept = IdentityCache(noted)
     one, other = Fraction(10, 7), Fraction(10, 7)
     assert kept(one) is kept(one)
     assert kept(other) is not kept(one)
@@ -26,8 +26,8 @@ def test_the_oldest_is_forgotten_first():
         asked.append(number)
         return len(asked)
 
-    kept = Remembering(noted)
-    numbers = [Fraction(k, 3) for k in range(MOST + 1)]
+    kept = IdentityCache(noted)
+    numbers = [Fraction(k, 3) for k in range(MAX_OBJECTS + 1)]
     made = [kept(number) for number in numbers]
     assert [kept(number) for number in numbers[1:]] == made[1:]
-    assert kept(numbers[0]) == MOST + 2
+    assert kept(numbers[0]) == MAX_OBJECTS + 2
