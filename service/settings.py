@@ -34,8 +34,8 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="ignore", validate_default=True)
 
     database_url: str = "sqlite:///polhode.db"
-    engine: Literal["local", "procrastinate"] = "local"
-    """Delivers jobs to workers: `local` polls the table on one machine, `procrastinate` uses Postgres."""
+    engine: Literal["local", "postgres"] = "local"
+    """How workers learn of jobs: `local` is for one machine, `postgres` announces jobs to several."""
     host_name: str | None = Field(default=None, min_length=1, max_length=255)
     """Name of this machine in the database; by default its host name and boot id."""
     host: str = "127.0.0.1"
@@ -111,12 +111,21 @@ class Settings(BaseModel):
         chosen = {name.removeprefix(_PREFIX): text for name, text in environment if name.startswith(_PREFIX)}
         return {**chosen, **options}
 
+    @field_validator("engine", mode="before")
+    @classmethod
+    def _by_its_present_name(cls, engine: object) -> object:
+        """Return the engine; `procrastinate` is a former name of `postgres`."""
+        return "postgres" if engine == "procrastinate" else engine
+
     @field_validator("engine")
     @classmethod
     def _require_its_database(cls, engine: str, info: ValidationInfo) -> str:
         url = str(info.data.get("database_url", ""))
-        if engine == "procrastinate" and not url.startswith("postgresql"):
-            raise ValueError("procrastinate needs Postgres, and POLHODE_DATABASE_URL is another database")
+        if engine == "postgres" and not url.startswith("postgresql"):
+            raise ValueError(
+                "the engine postgres needs Postgres, and POLHODE_DATABASE_URL is another database; accepted "
+                "are a URL that begins with postgresql+psycopg://, or the engine local"
+            )
         return engine
 
     @field_validator("cors_origins")

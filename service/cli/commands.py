@@ -45,7 +45,7 @@ app = typer.Typer(
 _ID = "01a20942-d407-7053-8f52-16b05c137715"
 _EXAMPLES = {
     "serve": ("polhode serve --port 8000 --workers 4",),
-    "worker": ("POLHODE_ENGINE=procrastinate polhode worker --slots 8",),
+    "worker": ("POLHODE_ENGINE=postgres polhode worker --slots 8",),
     "migrate": ("polhode migrate",),
     "validate": ("polhode validate examples/first.json", "polhode validate - --json < problem.json"),
     "solve": ("polhode solve examples/first.json --csv samples.csv", "polhode solve problem.json --json"),

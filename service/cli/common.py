@@ -48,7 +48,7 @@ def migrate_database(settings: "Settings") -> None:
     from service.storage.database.migration import MigrationError, migrate_or_explain  # noqa: PLC0415
 
     try:
-        migrate_or_explain(settings.database_url, engine_name=settings.engine)
+        migrate_or_explain(settings.database_url)
     except MigrationError as fault:
         fail(str(fault), REFUSED)
 

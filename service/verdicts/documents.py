@@ -34,8 +34,7 @@ from service.dynamics.verdict.own_curve import InadmissibleMotionError
 from service.dynamics.verdict.refutations.counterexample import Counterexample
 from service.dynamics.verdict.refutations.jumps import Jump
 from service.dynamics.verdict.verdict import Verdict
-
-Document = dict[str, object]
+from service.schemas.reading.documents import Document
 
 NAMELESS = NamedFormulas()
 W_POINTS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
@@ -280,6 +279,8 @@ PLACES = 257
 NEXT_TO_POLE = 1e-9
 INSIDE = 1e-6
 """Distance in g2 from an end of the motion at which a place is inside of it."""
+UNUSUAL = frozenset({"pole_passage", "near_rest", "narrow_feature", "infinite_slope"})
+"""Codes of remarks on motions that the accuracy table has none like: its times and errors are not theirs."""
 
 
 def remarks_on(problem: Problem, window: Window) -> tuple[Notice, ...]:

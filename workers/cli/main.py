@@ -94,7 +94,7 @@ def run(*, slots: int | None = None, wake_fd: int | None = None) -> int:
             # Started alone. A service that starts workers migrates, and tells them when it has.
             from service.storage.database.migration import migrate_or_explain  # noqa: PLC0415
 
-            migrate_or_explain(settings.database_url, engine_name=settings.engine)
+            migrate_or_explain(settings.database_url)
         run_worker(WorkerTasks(COMPUTATIONS, PRELOAD, WARM_UP), settings, slots=slots, wake_fd=wake_fd)
     except _reasons_to_end() as fault:
         say(str(fault))

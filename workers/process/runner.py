@@ -185,10 +185,6 @@ class Runner:
         for job_id in self._store.reconcile(**self._limits.retries()):
             self._is_dry = False
             logger.warning("job %s: its worker is gone", job_id, extra={"fields": {"job": job_id}})
-        repaired = self._store.repair()
-        if repaired:
-            self._is_dry = False
-            logger.warning("%d deliveries were lost; delivered again", repaired)
         self._reconcile_at = time.monotonic() + RECONCILE_SECONDS
 
     def give_back(self) -> None:

@@ -22,7 +22,6 @@ from service.settings import Settings
 from service.stopping import StopAsked
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
-from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import WorkerRegistry
 from workers.process.results import JobLimits
@@ -30,7 +29,7 @@ from workers.process.runner import WATCH_SECONDS, Computations, Runner
 from workers.process.start import Waker, Warming
 
 if TYPE_CHECKING:
-    from workers.process.procrastinate import Notifications
+    from workers.process.notifications import Notifications
 
 logger = logging.getLogger(__name__)
 
@@ -278,7 +277,7 @@ def use_database(computations: Computations, settings: Settings, slots: int, equ
     """
     host = settings.host_name or this_host()
     worker = WorkerProcess(new_worker_name(host), host, settings.engine, slots)
-    database = Database(settings.database_url)
+    database = Database(settings.database_url, announces_jobs=settings.engine == "postgres")
     registry = WorkerRegistry(database, lease_seconds=settings.lease_seconds)
     seconds = min(settings.lease_seconds, PRESENT_SECONDS)
     presence = Presence(registry, worker, seconds=seconds, alone=settings.engine == "local")
@@ -306,7 +305,7 @@ def _loop(
         retry_seconds=settings.retry_seconds,
     )
     runner = Runner(
-        SqlJobStore(database, dispatcher_of(settings)),
+        SqlJobStore(database),
         equipment.sandbox,
         computations,
         name=worker.name,
@@ -315,7 +314,7 @@ def _loop(
         wake=equipment.waker,
         outlook=presence.outlook,
     )
-    notifications = _notifications(database) if settings.engine == "procrastinate" else None
+    notifications = _notifications(database) if database.announces_jobs else None
     loop = EngineLoop(
         runner,
         presence,
@@ -338,6 +337,6 @@ def _loop(
 
 
 def _notifications(database: Database) -> "Notifications":
-    from workers.process.procrastinate import Notifications  # noqa: PLC0415
+    from workers.process.notifications import Notifications  # noqa: PLC0415
 
     return Notifications(database.engine)
