@@ -91,7 +91,7 @@ class Sandbox:
         self.is_closed = False
         self._context = multiprocessing.get_context("forkserver")
         # "__main__" makes the fork server import the main module once, instead of every child.
-        self._context.set_forkserver_preload(["service.spared", "__main__", *preload])
+        self._context.set_forkserver_preload(["service.gc_tuning", "__main__", *preload])
         self._seats = [_Seat(self._new_pool()) for _ in range(workers)]
         self._leaving: list[ProcessPool] = []
         """Children without a slot: not there yet, or with a last call."""

@@ -33,13 +33,14 @@ from service.verdicts.refusals import refusal_of_reading
 from workers.process.tasks import solve_examined
 
 FloatArray = NDArray[np.float64]
+_REFUSED, _WRONG_USAGE = 1, 2
 
 
 def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
     """Solve the problem of a file and print the solution; return 0 if it was solved, else 1."""
     if csv == STANDARD_STREAM and as_json:
         say("--json and --csv - both write to stdout; accepted is one of them")
-        return 2
+        return _WRONG_USAGE
     settings = read_settings()
     document = read_document(file)
     if csv is not None:
@@ -47,11 +48,11 @@ def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
     refusal = refusal_of_reading(document, read_problem)
     if refusal is not None:
         say(_reason(refusal))
-        return 1
+        return _REFUSED
     outcome = _compute(json.dumps(document), settings)
     if isinstance(outcome, Refused):
         say(_reason(outcome.error))
-        return 1
+        return _REFUSED
     if way_of_solution(outcome.summary) == "plain":
         say(f"solved without compiled kernels: {FASTER}")
     columns = decode_arrays(outcome.samples)
@@ -108,23 +109,8 @@ def _failed(code: str, detail: str) -> Refused:
     return Refused({"code": code, "detail": detail})
 
 
-def _reason(error: dict[str, object]) -> str:
-    """Return the error as lines: each fault with its place, or the message."""
-    faults = error.get("faults")
-    if isinstance(faults, list):
-        return "\n".join(
-            f"{fault['pointer'] or '/'}: {fault['message']} ({fault['code']})" for fault in faults
-        )
-    lines = [f"{error.get('code')}: {error.get('detail')}"]
-    lines += [
-        f"  {name}: {json.dumps(value)}"
-        for name, value in error.items()
-        if name not in ("code", "detail", "pointer")
-    ]
-    return "\n".join(lines)
-
-
-_REFUSED, _WRONG_USAGE = 1, 2
+def _reason(error: Mapping[str, object]) -> str:
+    return Refusal.model_validate({"pointer": "", **error}).reason()
 
 
 def draw_file(file: Path, *, as_json: bool, picture: Path | None) -> int:

@@ -169,18 +169,18 @@ def sweep_file(file: Path, *, out: Path | None, workers: int | None, as_json: bo
         return _fail(f"{out}: {suffix_of(out)} has no series; {', '.join(WITH_LISTS)} have", _WRONG_USAGE)
     with ExitStack() as opened:
         points = None if out is None else opened.enter_context(opened_points(out, sweep))
-        told = _Told(out, as_json)
-        return _run(sweep, document, points, settings, workers or os.cpu_count() or 1, told)
+        report = _Report(out, as_json)
+        return _run(sweep, document, points, settings, workers or os.cpu_count() or 1, report)
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
+class _Report:
     """The destination of the points, and whether the summary is written as JSON."""
 
     out: Path | None
     as_json: bool
 
-    def tell(self, sweep: Sweep, tally: Tally, seconds: float) -> None:
+    def write(self, sweep: Sweep, tally: Tally, seconds: float) -> None:
         """Tell what has come of the sweep, on stderr if stdout has the points."""
         if self.as_json:
             answer(_as_json(sweep, tally, self.out, seconds))
@@ -191,7 +191,7 @@ class _Told:
 
 
 def _run(
-    sweep: Sweep, document: object, file: PointFile | None, settings: Settings, workers: int, told: _Told
+    sweep: Sweep, document: object, file: PointFile | None, settings: Settings, workers: int, report: _Report
 ) -> int:
     way = _way_of(sweep)
     sandbox = Sandbox(workers, memory_mb=settings.job_memory_mb, preload=["workers.sweeping.planar.block"])
@@ -211,11 +211,11 @@ def _run(
         sandbox.close()
     if file is not None:
         file.close()
-    told.tell(sweep, tally, time.monotonic() - began)
+    report.write(sweep, tally, time.monotonic() - began)
     if way == "plain" and tally.refused:
         say(f"compiled kernels may solve what was refused without them: {FASTER}")
     missing = pool.missing()
-    return _fail(_told_missing(sweep, missing), _FAILED) if missing else _DONE
+    return _fail(_missing_in_words(sweep, missing), _FAILED) if missing else _DONE
 
 
 def _way_of(sweep: Sweep) -> Way:
@@ -279,7 +279,7 @@ def _described(sweep: Sweep, tally: Tally, out: Path | None, seconds: float) -> 
     return "\n".join(lines) + "\n"
 
 
-def _told_missing(sweep: Sweep, missing: list[Range]) -> str:
+def _missing_in_words(sweep: Sweep, missing: list[Range]) -> str:
     shown = ", ".join(f"{gap.first} to {gap.first + gap.count - 1}" for gap in missing[:10])
     count = sum(gap.count for gap in missing)
     return f"stopped: {count:,} of {sweep.points:,} points are missing, those with index {shown}" + (

@@ -216,7 +216,7 @@ def stamp(module: str) -> str:
         parts += [name, hashlib.sha256(_source(name)).hexdigest()]
         values = {key: value for key, value in vars(loaded).items() if not key.startswith("__")}
         parts += [
-            f"{key}={_told(value)}"
+            f"{key}={_in_words(value)}"
             for key, value in sorted(values.items())
             if isinstance(value, _FROZEN_TYPES)
         ]
@@ -240,7 +240,7 @@ def _source(module: str) -> bytes:
     return b"" if file is None else Path(file).read_bytes()
 
 
-def _told(value: object) -> str:
+def _in_words(value: object) -> str:
     if isinstance(value, np.ndarray):
         return f"{value.dtype}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}"
     return repr(value)

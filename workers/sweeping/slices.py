@@ -172,6 +172,6 @@ def _own_curve(base: Part) -> SweepAxis | None:
     """Return an axis with the one value that λ or nu has, for a slice of a single point."""
     motion = base["motion"]
     for name in ("lambda", "nu"):
-        if name in motion:
+        if isinstance(motion, dict) and name in motion:
             return SweepAxis(f"/motion/{name}", ("motion", name), ListedAxis((exact_number(motion[name]),)))
     return None

@@ -43,7 +43,7 @@ from workers.solvers.integration.errors import CollisionError, UnsupportedFormul
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.programs import SharedGradient, shared_gradient
 from workers.solvers.integration.solve import run_request_of, tolerances
-from workers.sweeping.parameters.family import has_symbol
+from workers.sweeping.parameters.family import fraction_of, has_symbol
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.plan import position_in_state
 from workers.sweeping.planar.records import SolvedBlock, printed_errors
@@ -245,7 +245,7 @@ class StateSolver:
         gamma = list(self._start[3:])
         for axis, which in enumerate(self._positions):
             if which in (3, 4, 5):
-                gamma[which - 3] = _fraction(points.exact(axis, index))
+                gamma[which - 3] = fraction_of(points.exact(axis, index))
         return is_unit(gamma)
 
     def _groups(self, points: SweptPoints, first: int, is_usable: BoolArray) -> "list[_Group]":
@@ -325,7 +325,7 @@ class StateSolver:
         moments, exact = dict[str, Fraction](), list[Fraction]()
         for axis, which in enumerate(self._positions):
             if which is None or which >= 6:
-                exact.append(_fraction(points.exact(axis, index)))
+                exact.append(fraction_of(points.exact(axis, index)))
                 if which is not None:
                     moments[MOMENTS[which - 6]] = exact[-1]
         return self._integrator(tuple(exact), moments, first + index)
@@ -382,7 +382,3 @@ def _neighbour(double: float, exact: fmpq) -> float:
     if side == 0 or double == 0.0:
         return double
     return math.nextafter(double, math.inf if side > 0 else -math.inf)
-
-
-def _fraction(value: fmpq) -> Fraction:
-    return Fraction(int(value.p), int(value.q))

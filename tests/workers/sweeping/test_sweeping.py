@@ -688,7 +688,7 @@ def test_every_bit_of_a_point_is_that_of_its_job(name):
 @pytest.mark.parametrize("name", IN_BLOCKS)
 def test_a_sweep_that_says_so_goes_in_blocks(name, monkeypatch):
     document = IN_BLOCKS[name]
-    assert make_plan(read_sweep(document)).quick is not None
+    assert make_plan(read_sweep(document)).compiled is not None
     singly = []
     original = chunk.solve_point
     monkeypatch.setattr(
@@ -726,7 +726,7 @@ SHORTER = {
 )
 def test_other_sweeps_go_point_by_point(name):
     plan = make_plan(read_sweep(ONE_BY_ONE[name]))
-    assert plan.quick is None
+    assert plan.compiled is None
     assert chunk.ChunkSolver(plan)._blocks is None
 
 
@@ -735,7 +735,7 @@ def test_other_sweeps_go_point_by_point(name):
 def test_points_of_other_bodies_and_exponents_go_in_blocks(name, monkeypatch):
     document = IN_MOVING[name]
     plan = make_plan(read_sweep(document))
-    assert plan.quick is None
+    assert plan.compiled is None
     solver = chunk.ChunkSolver(plan)
     assert isinstance(solver._blocks, VaryingSolver)
     singly = []

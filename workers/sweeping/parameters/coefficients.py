@@ -22,7 +22,7 @@ from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, fold_tree, post_order
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
-from workers.sweeping.parameters.family import Path, degree_in
+from workers.sweeping.parameters.family import Path, degree_in, ratio_of
 
 _Operation = Callable[[fmpq, fmpq], fmpq]
 
@@ -147,7 +147,9 @@ def coefficients_of(
             return plain
         document_parameters = document.get("parameters")
         parameters = dict(document_parameters) if isinstance(document_parameters, dict) else {}
-        fixed = {name: _ratio(exact_number(value)) for name, value in parameters.items() if name not in names}
+        fixed = {
+            name: ratio_of(exact_number(value)) for name, value in parameters.items() if name not in names
+        }
         split = SplitParameters(names, {*parameters, *names})
         linear = format_tree(fold_tree(tree, split.build)[0])
     except (FormulaError, ValueError):
@@ -158,7 +160,7 @@ def coefficients_of(
     coefficients = Coefficients(
         linear_document, tuple(("parameters", name) for name in made), parts_of(split.parts, names, fixed)
     )
-    values = coefficients.at([_ratio(number) for number in first])
+    values = coefficients.at([ratio_of(number) for number in first])
     if values is None:
         return None
     shown = dict(zip(coefficients.paths, map(str, values), strict=True))
@@ -228,7 +230,3 @@ def _with_operands(node: Tree, operands: Sequence[Tree]) -> Tree:
     if isinstance(node, Call):
         return Call(node.function, operands[0])
     return node
-
-
-def _ratio(value: Fraction) -> fmpq:
-    return fmpq(value.numerator, value.denominator)

@@ -16,7 +16,8 @@ from service.dynamics.sweep_axes import ListedAxis
 from service.schemas.reading.numbers import LARGEST, LATEST
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.sweeping.parameters.coefficients import Coefficients
-from workers.sweeping.parameters.programs import nearest_double
+from workers.sweeping.parameters.family import fraction_of, ratio_of
+from workers.sweeping.parameters.programs import double_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -41,7 +42,7 @@ class SweptPoints:
             # A double means its shortest decimal.
             return fmpq(*Decimal(repr(double)).as_integer_ratio())
         exact = known[double]
-        return _ratio(self._sweep.values(int(self._indices[index]))[axis]) if exact is None else exact
+        return ratio_of(self._sweep.values(int(self._indices[index]))[axis]) if exact is None else exact
 
     def exact_row(self, index: int, axes: Sequence[int]) -> list[fmpq]:
         """Return the numbers on several axes."""
@@ -53,7 +54,9 @@ class SweptPoints:
             return Parameters(self.doubles[list(axes)].T, lambda index: self.exact_row(index, axes))
         exact = [coefficients.at(self.exact_row(index, axes)) for index in range(self.count)]
         width = len(coefficients.paths)
-        doubles = np.array([[math.nan] * width if row is None else list(map(_double, row)) for row in exact])
+        doubles = np.array(
+            [[math.nan] * width if row is None else list(map(double_of, row)) for row in exact]
+        )
         return Parameters(doubles.reshape(-1, width), lambda index: exact[index] or [])
 
     def have_moment(self, body: RigidBody, axis: int) -> BoolArray:
@@ -61,7 +64,7 @@ class SweptPoints:
         least, most = (
             (fmpq(0), None)
             if body.allow_unphysical
-            else (_ratio(abs(body.A - body.C)), _ratio(body.A + body.C))
+            else (ratio_of(abs(body.A - body.C)), ratio_of(body.A + body.C))
         )
         moments = [self.exact(axis, index) for index in range(self.count)]
         return np.array([B > 0 and least <= B and (most is None or most >= B) for B in moments])
@@ -75,7 +78,7 @@ def curves_of(
     Without an ``axis`` they are those of ``motion``, which has the ``sign``.
     """
     if axis is None:
-        return [_ratio(motion.lambda_squared)] * points.count, np.full(points.count, sign)
+        return [ratio_of(motion.lambda_squared)] * points.count, np.full(points.count, sign)
     values = [points.exact(axis, index) for index in range(points.count)]
     if motion.nu is not None:
         return [abs(value) for value in values], np.sign(points.doubles[axis]).astype(np.int64)
@@ -91,7 +94,7 @@ def times_of(points: SweptPoints, axes: Mapping[str, int], time: Times) -> list[
         return [time] * points.count
     result: list[Times | None] = []
     for index in range(points.count):
-        numbers = {name: _fraction(points.exact(axis, index)) for name, axis in axes.items()}
+        numbers = {name: fraction_of(points.exact(axis, index)) for name, axis in axes.items()}
         changed = replace(time, **numbers)  # type: ignore[arg-type,type-var,unused-ignore]
         if isinstance(changed, TimeSpan):
             is_usable = changed.start < changed.stop and max(-changed.start, changed.stop) <= LATEST
@@ -127,16 +130,4 @@ def listed_exactly(axis: SweepAxis) -> dict[float, fmpq | None]:
         values = (axis.axis.value(0), axis.axis.value(axis.axis.length - 1))
     first: dict[float, Fraction] = {}
     shared = {double for value in values if first.setdefault(double := float(value), value) != value}
-    return {double: None if double in shared else _ratio(value) for double, value in first.items()}
-
-
-def _double(value: fmpq) -> float:
-    return nearest_double(int(value.p), int(value.q))
-
-
-def _ratio(value: Fraction) -> fmpq:
-    return fmpq(value.numerator, value.denominator)
-
-
-def _fraction(value: fmpq) -> Fraction:
-    return Fraction(int(value.p), int(value.q))
+    return {double: None if double in shared else ratio_of(value) for double, value in first.items()}

@@ -22,7 +22,7 @@ from service.dynamics.formula.tape import Instruction, Tape, with_inputs
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import Part, with_values
 from workers.solvers.compiled.evaluation.program import Program, make_program, rests_of
-from workers.sweeping.parameters.family import Path
+from workers.sweeping.parameters.family import Path, ratio_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -54,7 +54,8 @@ class Affine:
 
     def rests(self, parameters: Sequence[Sequence[fmpq]], doubles: Sequence[float]) -> list[float]:
         """Return what the ``doubles`` of the constants at each row of parameters leave out."""
-        at_zero, slopes = _ratio(self.at_zero), [(k, _ratio(slope)) for k, slope in enumerate(self.slopes)]
+        at_zero = ratio_of(self.at_zero)
+        slopes = [(k, ratio_of(slope)) for k, slope in enumerate(self.slopes)]
         result = list[float]()
         for row, known in zip(parameters, doubles, strict=True):
             left = sum((slope * row[k] for k, slope in slopes if slope), at_zero)
@@ -64,8 +65,8 @@ class Affine:
 
     def doubles(self, parameters: Sequence[Sequence[fmpq]]) -> list[float]:
         """Return the constant at each row of parameters, rounded once."""
-        slopes = [(k, _ratio(slope)) for k, slope in enumerate(self.slopes) if slope]
-        at_zero, result = _ratio(self.at_zero), list[float]()
+        slopes = [(k, ratio_of(slope)) for k, slope in enumerate(self.slopes) if slope]
+        at_zero, result = ratio_of(self.at_zero), list[float]()
         for row in parameters:
             value = sum((slope * row[k] for k, slope in slopes), at_zero)
             result.append(nearest_double(int(value.p), int(value.q)))
@@ -232,13 +233,14 @@ def _has_number(instruction: Instruction) -> bool:
     return instruction.operation == "pi" or instruction.number is not None
 
 
-def _ratio(value: Fraction) -> fmpq:
-    return fmpq(value.numerator, value.denominator)
-
-
 def nearest_double(numerator: int, denominator: int) -> float:
     """Return the double nearest to a ratio, NaN where it is too large."""
     try:
         return numerator / denominator
     except OverflowError:
         return math.nan
+
+
+def double_of(value: fmpq) -> float:
+    """Return the double that is nearest to a ratio."""
+    return nearest_double(int(value.p), int(value.q))

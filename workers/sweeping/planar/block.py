@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 
 import numpy as np
 from flint import fmpq
@@ -19,6 +18,7 @@ from workers.solvers.choose import QUICK_SPEED, compiled_tier
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.units import Units
+from workers.sweeping.parameters.family import fraction_of
 from workers.sweeping.parameters.points import (
     Parameters,
     SweptPoints,
@@ -205,7 +205,7 @@ class BlockSolver:
         numbers = indices[left].tolist()
         exact = [here.parameters.exact(index) for index in numbers]
         starts = None if at is None else [here.points.exact(at, index) for index in numbers]
-        begun = None if starts is None else [abs(_fraction(start)) for start in starts]
+        begun = None if starts is None else [abs(fraction_of(start)) for start in starts]
         curves = [here.squares[index] for index in left.tolist()]
         by_roots = sweep_by_roots(replace(side.rational, body=body), exact, curves, sampling, begun)
         return result.with_others(left, by_roots)
@@ -242,7 +242,7 @@ class BlockSolver:
         for n in np.flatnonzero(decided).tolist():
             B, moment = plan.problem.body.B, plan.moment_axis
             if moment is not None:
-                B = _fraction(points.exact(moment, int(indices[n])))
+                B = fraction_of(points.exact(moment, int(indices[n])))
             of_point = None if outputs is None else outputs.of_point(n, B)
             if of_point is None:
                 decided[n] = False
@@ -293,7 +293,7 @@ class BlockSolver:
 
     def _potential_at(self, points: SweptPoints, index: int) -> Part:
         values = {
-            path: json_number(_fraction(points.exact(axis, index)))
+            path: json_number(fraction_of(points.exact(axis, index)))
             for path, axis in zip(self._plan.paths, self._plan.axes, strict=True)
         }
         return with_values(self._plan.potential, dict(values))
@@ -314,7 +314,3 @@ class _Here:
 
 def _k(units: Units) -> int:
     return units.k
-
-
-def _fraction(value: fmpq) -> Fraction:
-    return Fraction(int(value.p), int(value.q))

@@ -26,7 +26,7 @@ from workers.solvers.compiled.records import FOUND, Records, copied, new_records
 from workers.solvers.compiled.solve import solve_rational
 from workers.solvers.compiled.time_map.sampling import sample_one
 from workers.solvers.compiled.workspace import WORKSPACE
-from workers.sweeping.parameters.family import SweepFamily
+from workers.sweeping.parameters.family import SweepFamily, fraction_of
 from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, pass_a_pole
 
 FloatArray = NDArray[np.float64]
@@ -46,14 +46,14 @@ class RationalFamily:
         """Return the radicand at a point, the very one of its own job."""
         terms: dict[Exponents, Fraction] = dict(self.origin)
         for p, slope in zip(parameters, self.slopes, strict=True):
-            number = _fraction(p)
+            number = fraction_of(p)
             for exponents, value in slope.items():
                 terms[exponents] = terms.get(exponents, Fraction(0)) + number * value
         return radicand_of(self.body, {at: value for at, value in terms.items() if value}, nu)
 
     def at(self, lambda_squared: fmpq, start: Fraction | None) -> PlanarMotion:
         """Return the motion of a point, from |g1| = ``start`` where there is one."""
-        motion, square = self.motion, _fraction(lambda_squared)
+        motion, square = self.motion, fraction_of(lambda_squared)
         if start is not None and isinstance(motion.start, StartAtPoint):
             motion = replace(motion, start=replace(motion.start, g1=motion.sign_of_g1 * start))
         if motion.nu is not None:
@@ -162,7 +162,3 @@ def _difference(one: Laurent, other: Laurent) -> Laurent:
     keys = {*one, *other}
     difference = {key: one.get(key, Fraction(0)) - other.get(key, Fraction(0)) for key in keys}
     return {key: value for key, value in difference.items() if value}
-
-
-def _fraction(value: fmpq) -> Fraction:
-    return Fraction(int(value.p), int(value.q))

@@ -8,7 +8,6 @@ are data like its constants.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 from flint import arb, ctx, fmpq
@@ -25,9 +24,9 @@ from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError, nu
 from service.schemas.sweep.sweep import Sweep
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.frame import Bodies, loops_of
-from workers.sweeping.parameters.family import rounded
+from workers.sweeping.parameters.family import ratio_of, rounded
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, curves_of, listed_exactly, times_of
-from workers.sweeping.parameters.programs import nearest_double
+from workers.sweeping.parameters.programs import double_of
 from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, sweep_loops
 from workers.sweeping.planar.exclusions import keep_their_sign
 from workers.sweeping.planar.records import (
@@ -161,11 +160,11 @@ class VaryingSolver:
 
     def _moments(self, points: SweptPoints, index: int) -> MomentsOfPoint:
         body, axes = self._plan.problem.body, self._plan.moments
-        A = points.exact(axes["A"], index) if "A" in axes else _ratio(body.A)
-        C = points.exact(axes["C"], index) if "C" in axes else _ratio(body.C)
+        A = points.exact(axes["A"], index) if "A" in axes else ratio_of(body.A)
+        C = points.exact(axes["C"], index) if "C" in axes else ratio_of(body.C)
         if "B" in axes:
             return MomentsOfPoint(A, points.exact(axes["B"], index), C)
-        return MomentsOfPoint(A, None if body.B is None else _ratio(body.B), C)
+        return MomentsOfPoint(A, None if body.B is None else ratio_of(body.B), C)
 
     def _is_body(self, moments: MomentsOfPoint) -> bool:
         """Tell whether there is such a body, and planar motions of it."""
@@ -271,8 +270,8 @@ def _bodies(members: Sequence[_Point]) -> Bodies:
         is_mirrored = A < C
         if is_mirrored:
             A, C = C, A
-        alpha.append(_double(A / C))
-        factor.append(_double(C / ((A - C) * A)))
+        alpha.append(double_of(A / C))
+        factor.append(double_of(C / ((A - C) * A)))
         mirrored.append(is_mirrored)
     return Bodies(np.array(alpha), np.array(factor), np.array(mirrored))
 
@@ -291,11 +290,3 @@ def _energy(each: _Point, square: fmpq, motion: PlanarMotion) -> tuple[float, fl
                 value = -value
             total, largest = total + value, max(largest, abs(float(value)))
         return rounded(total, largest)
-
-
-def _double(value: fmpq) -> float:
-    return nearest_double(int(value.p), int(value.q))
-
-
-def _ratio(value: Fraction) -> fmpq:
-    return fmpq(value.numerator, value.denominator)

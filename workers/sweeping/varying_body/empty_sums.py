@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from flint import arb, fmpq
+from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.interval_bounds import ARITHMETIC, FUNCTIONS, LARGEST_LOGARITHM
@@ -24,7 +24,7 @@ from service.dynamics.reduction.sign_proofs.equators import equators
 from service.dynamics.verdict.proofs.power_sums import Judgement
 from service.dynamics.verdict.proofs.reading_powers import PowerSum, number_of
 from workers.solvers.compiled.records import Records
-from workers.sweeping.parameters.programs import nearest_double
+from workers.sweeping.parameters.programs import double_of
 from workers.sweeping.planar.exclusions import LOG_LAMBDA_ERROR
 from workers.sweeping.varying_body.templates import MomentsOfPoint
 
@@ -125,9 +125,16 @@ def _read(terms: PowerSum, moments: MomentsOfPoint, is_mirrored: bool, motion: P
         value = coefficient if A > C else -coefficient
         if (odd_first and motion.sign_of_g1 < 0) != (odd_third and motion.g3_sign < 0):
             value = -value
-        factor = float((arb(value) * number_of(constants)).mid()) if constants else _double(value)
+        factor = float((arb(value) * number_of(constants)).mid()) if constants else double_of(value)
         row.append(
-            (factor, _double(a), _double(d), _double(power - lowest), _double(height), float(odd_height))
+            (
+                factor,
+                double_of(a),
+                double_of(d),
+                double_of(power - lowest),
+                double_of(height),
+                float(odd_height),
+            )
         )
     return row
 
@@ -163,7 +170,3 @@ def _column(bounds: Bounds) -> Bounds:
 
 def _exchanged(plain: Bounds, other: Bounds, mirrored: BoolArray) -> Bounds:
     return np.where(mirrored, other[0], plain[0]), np.where(mirrored, other[1], plain[1])
-
-
-def _double(value: fmpq) -> float:
-    return nearest_double(int(value.p), int(value.q))

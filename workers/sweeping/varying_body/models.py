@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 from flint import fmpq
 
@@ -17,7 +16,7 @@ from service.dynamics.potentials.potential import Potential
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
 from workers.sweeping.parameters.coefficients import ExactParts, SplitParameters, parts_of
-from workers.sweeping.parameters.family import Path, degree_in
+from workers.sweeping.parameters.family import Path, degree_in, ratio_of
 from workers.sweeping.varying_body.templates import MOMENTS, Key, Model, MomentsOfPoint, kind_of
 
 _STEP = fmpq(104_729, 611_953)
@@ -200,7 +199,7 @@ def _homogeneous(document: Mapping[str, object], paths: Sequence[Path]) -> Model
         stated = document.get(name, [])
         if not isinstance(stated, list):
             return None
-        lists[name] = tuple(_ratio(exact_number(value)) for value in stated)
+        lists[name] = tuple(ratio_of(exact_number(value)) for value in stated)
     if any(lists["log"]):
         return None
     return HomogeneousModel(document, tuple(paths), lists)
@@ -218,7 +217,9 @@ def _expression(
             return None
         split = SplitParameters(tuple(varying), {*parameters, *names, *MOMENTS})
         holed = format_tree(fold_tree(tree, split.build)[0])
-        fixed = {name: _ratio(exact_number(value)) for name, value in parameters.items() if name not in names}
+        fixed = {
+            name: ratio_of(exact_number(value)) for name, value in parameters.items() if name not in names
+        }
     except (FormulaError, ValueError):
         return None
     holes = tuple(split.names())
@@ -256,7 +257,3 @@ def _has_gap(ratio: fmpq, n: int) -> bool:
     """Tell whether a term with n > 0 has no value, or is nothing new: see :func:`.multiplicity`."""
     m = (n + 1) * min(ratio, 1 / ratio)
     return m.q == 1 and m <= n
-
-
-def _ratio(value: Fraction) -> fmpq:
-    return fmpq(value.numerator, value.denominator)

@@ -7,7 +7,6 @@ theirs, twice, and tells for each constant of the program which number of the po
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -20,6 +19,7 @@ from service.dynamics.formula.limits import MAX_EXPONENT
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.compiled.evaluation.program import Program, make_program
+from workers.sweeping.parameters.family import fraction_of, ratio_of
 from workers.sweeping.parameters.programs import nearest_double, numbers_of
 
 FloatArray = NDArray[np.float64]
@@ -38,8 +38,8 @@ class MomentsOfPoint(NamedTuple):
 
     def body(self) -> RigidBody:
         """Return the body; whether there is one is known already."""
-        B = None if self.B is None else _fraction(self.B)
-        return RigidBody(_fraction(self.A), B, _fraction(self.C), allow_unphysical=True)
+        B = None if self.B is None else fraction_of(self.B)
+        return RigidBody(fraction_of(self.A), B, fraction_of(self.C), allow_unphysical=True)
 
 
 class Model(Protocol):
@@ -114,11 +114,11 @@ def shared_template(model: Model, moments: MomentsOfPoint, numbers: Sequence[fmp
     if make_program(other)[0].key != program.key:
         return None
     varying: dict[int, tuple[int, int]] = {}
-    fixed = [None if number is None else _ratio(number) for number in numbers_of(tape)]
+    fixed = [None if number is None else ratio_of(number) for number in numbers_of(tape)]
     for slot, (number, seen) in enumerate(zip(fixed, numbers_of(other), strict=True)):
-        if number is None or seen is None or number == _ratio(seen):
+        if number is None or seen is None or number == ratio_of(seen):
             continue
-        source = _source(number, _ratio(seen), values, others)
+        source = _source(number, ratio_of(seen), values, others)
         if source is None:
             return None
         varying[slot] = source
@@ -128,7 +128,7 @@ def shared_template(model: Model, moments: MomentsOfPoint, numbers: Sequence[fmp
 def own_template(tape: Tape) -> Template:
     """Return the template of one point."""
     program, constants = make_program(tape)
-    fixed = [None if number is None else _ratio(number) for number in numbers_of(tape)]
+    fixed = [None if number is None else ratio_of(number) for number in numbers_of(tape)]
     return _template(program, tape, constants, fixed, {})
 
 
@@ -166,11 +166,3 @@ def _source(
             if number == sign * value and seen == sign * other:
                 return index, sign
     return None
-
-
-def _ratio(value: Fraction) -> fmpq:
-    return fmpq(value.numerator, value.denominator)
-
-
-def _fraction(value: fmpq) -> Fraction:
-    return Fraction(int(value.p), int(value.q))
