@@ -74,7 +74,7 @@ class Delivery:
 
     job_id: str
     attempt: int
-    """How often it was claimed before; each attempt has its own delivery."""
+    """Number of times it was claimed before; each attempt has its own delivery."""
     priority: int
     ready_at: float
     """Not claimed before, in seconds since 1970 by the database's clock."""
