@@ -6,7 +6,7 @@ from typing import Any, Literal  # Any: a summary, which may be damaged
 
 KERNELS = 315
 """How many functions are translated or made machine code of, each for the types of its arguments, as counted:
-what is told as to be done."""
+what is reported as to be done."""
 PLAIN_POINT_SECONDS = 0.1
 """Seconds that a point takes without kernels: 0.01 to 0.2."""
 LARGEST_STATES = 1e-10

@@ -269,11 +269,11 @@ class JobPage:
 
     jobs: tuple[Job, ...]
     total: int | None
-    """How many there are in all, if that was wanted."""
+    """Number of all of them, if that was wanted."""
     values: tuple[tuple[Value | None, ...], ...] = ()
     """The wanted columns of each, in place of the jobs."""
     next: tuple[Value | None, ...] | None = None
-    """Where the following page begins; None if there is none."""
+    """Values at which the following page begins; None if there is none."""
 
 
 POINTS_PER_JOB = 100
@@ -325,11 +325,11 @@ class SweepPage:
 
     sweeps: tuple[SweepProgress, ...]
     total: int | None
-    """How many there are in all, if that was wanted."""
+    """Number of all of them, if that was wanted."""
     values: tuple[tuple[Value | None, ...], ...] = ()
     """The wanted columns of each, in place of the sweeps."""
     next: tuple[Value | None, ...] | None = None
-    """Where the following page begins; None if there is none."""
+    """Values at which the following page begins; None if there is none."""
 
 
 class SweepNotFoundError(LookupError):

@@ -150,28 +150,28 @@ def examine_problems(text: str) -> str:
     problem are the keys of its verdict and of the windows of its curve, null where it has none. The answer
     is ``{"answers": […], "seconds": […], "found": {key: content}}``.
     """
-    asked = json.loads(text)
+    request = json.loads(text)
     began = time.perf_counter()
-    problems = [_read_or_none(each["document"]) for each in asked["problems"]]
+    problems = [_read_or_none(each["document"]) for each in request["problems"]]
     reading = (time.perf_counter() - began) / max(len(problems), 1)
     ahead = (
         (each["verdict"], each["windows"], problem.motion)
-        for each, problem in zip(asked["problems"], problems, strict=True)
+        for each, problem in zip(request["problems"], problems, strict=True)
         if problem is not None
         and isinstance(problem.motion, PlanarMotion)
         and None not in (each["verdict"], each["windows"])
     )
-    cache, searches = ResultCache(asked["cached"], ahead), Searches(MOST_SEARCHES)
+    cache, searches = ResultCache(request["cached"], ahead), Searches(MOST_SEARCHES)
 
-    def judge(asked_problem: Mapping[str, Any], problem: Problem | None) -> Answer:
-        keys = asked_problem["verdict"], asked_problem["windows"]
+    def judge(requested: Mapping[str, Any], problem: Problem | None) -> Answer:
+        keys = requested["verdict"], requested["windows"]
         return answer_or_refusal(
-            asked_problem["document"],
+            requested["document"],
             lambda document: _judge_problem(problem or trusted_problem(document), cache, keys, searches),
         )
 
     answers, seconds = [], []
-    for each, problem in zip(asked["problems"], problems, strict=True):
+    for each, problem in zip(request["problems"], problems, strict=True):
         began = time.perf_counter()
         answers.append(judge(each, problem))
         seconds.append(reading + cache.share(each["windows"], time.perf_counter() - began))
@@ -179,7 +179,7 @@ def examine_problems(text: str) -> str:
 
 
 def _read_or_none(document: Part) -> Problem | None:
-    """Return the problem; None where it is refused, which is told when it is judged."""
+    """Return the problem; None where it is refused, which is reported when it is judged."""
     try:
         return trusted_problem(document)
     except DynamicsError:

@@ -103,7 +103,7 @@ class NoticeSummary(TypedDict):
 
 
 class ProvenanceSummary(TypedDict):
-    """What computed the solution; older solutions lack what was added later."""
+    """The program and the machine that computed the solution; older ones lack what was added later."""
 
     version: str
     numerics: int
