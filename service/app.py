@@ -22,7 +22,7 @@ from service.api.routing import install
 from service.api.verdicts.examiner import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
-from service.local.wakeup import WakeUpSocket
+from service.local.wakeup import WakeUp
 from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
@@ -57,18 +57,18 @@ _MONITORING = 2
 def create_app(
     settings: Settings,
     *,
-    wake_up_socket: WakeUpSocket | None = None,
+    wake_up: WakeUp | None = None,
     sandbox: Sandbox | None = None,
     local_worker: Callable[[], WorkerStanding] | None = None,
 ) -> FastAPI:
     """Return the application on a migrated database.
 
-    A caller that starts local workers passes ``wake_up_socket``, one that already has a
+    A caller that starts local workers passes ``wake_up``, one that already has a
     sandbox passes ``sandbox``, and the caller closes them; without them the application
     makes its own, and wakes no workers. ``local_worker`` returns the status of the
     local worker process.
     """
-    wake_up = wake_up_socket or WakeUpSocket()
+    wake_ups = wake_up or WakeUp()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -87,7 +87,7 @@ def create_app(
         sweeps = SweepStore(database)
         poller = ChangePoller(ChangeReader(database), sweeps, documents_of(database, settings))
         events = EventWatcher(poller, capacity=settings.event_streams)
-        wake_up.when_anything(events.wake, events.stop)
+        wake_ups.when_anything(events.wake, events.stop)
         verdicts = VerdictQueue(children, settings, children=verdict_children())
         heavy = HeavyReads(settings, make_room=lambda: bool(app.state.close_one_unread()))
         metrics = Metrics(statistics, version=version_of("polhode"), local_worker=local_worker, kept=kept)
@@ -105,7 +105,7 @@ def create_app(
             examiner=Examiner(verdicts, kept, examinations),
             reading=ReadingThreads(),
             heavy=heavy,
-            wake_up=wake_up,
+            wake_up=wake_ups,
             events=events,
             metrics=metrics,
             metrics_text=SharedAnswer(metrics.text, monitoring),
@@ -136,8 +136,8 @@ def create_app(
             ring.close()
             reads.close()
             database.close()
-            if wake_up_socket is None:
-                wake_up.close()
+            if wake_up is None:
+                wake_ups.close()
 
     # /docs is a page of our own: FastAPI's pages load scripts from other hosts. So is /openapi.json.
     app = FastAPI(title="polhode", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)

@@ -105,11 +105,11 @@ class Settings(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _after_the_environment(cls, given: Mapping[str, object]) -> Mapping[str, object]:
+    def _after_the_environment(cls, options: Mapping[str, object]) -> Mapping[str, object]:
         # Not by pydantic-settings, which each process of a service would have to load at its start.
-        variables = ((name.lower(), value) for name, value in os.environ.items())
-        found = {name.removeprefix(_PREFIX): text for name, text in variables if name.startswith(_PREFIX)}
-        return {**found, **given}
+        environment = ((name.lower(), value) for name, value in os.environ.items())
+        chosen = {name.removeprefix(_PREFIX): text for name, text in environment if name.startswith(_PREFIX)}
+        return {**chosen, **options}
 
     @field_validator("engine", mode="before")
     @classmethod
@@ -152,7 +152,7 @@ class SettingsError(ValueError):
     """Invalid settings; the message is one line that names each of them."""
 
 
-def read_settings(**given: object) -> Settings:
+def read_settings(**options: object) -> Settings:
     """Return the settings of this process; given values that are not None override the environment.
 
     Raises
@@ -161,7 +161,7 @@ def read_settings(**given: object) -> Settings:
         One of them is not accepted.
     """
     try:
-        chosen = {name: value for name, value in given.items() if value is not None}
+        chosen = {name: value for name, value in options.items() if value is not None}
         return Settings.model_validate({**Settings().model_dump(), **chosen})
     except ValidationError as fault:
         reasons = (

@@ -230,12 +230,12 @@ def families(
             return
         answer("".join(f"{key:<{_WIDTH}}{_line(row)}\n" for key, row in rows))
         return
-    found = [row for key, row in rows if key == name]
-    if not found:
+    matches = [row for key, row in rows if key == name]
+    if not matches:
         fail(
             f"there is no family and no case {name!r}; there are {', '.join(key for key, _ in rows)}", REFUSED
         )
-    answer(json.dumps(found[0]) + "\n" if as_json else "".join(f"{line}\n" for line in _all_of(found[0])))
+    answer(json.dumps(matches[0]) + "\n" if as_json else "".join(f"{line}\n" for line in _all_of(matches[0])))
 
 
 def _rows() -> Iterator[tuple[str, Mapping[str, object]]]:

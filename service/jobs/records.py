@@ -239,7 +239,7 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class ClaimedJobs:
     """Jobs that a worker has been given."""
 
     claims: tuple[Claim, ...] = ()

@@ -11,7 +11,7 @@ from typing import Generic, Protocol, TypeVar
 
 from service.jobs.kernels import Way
 from service.jobs.queue import Lane
-from service.jobs.records import Attempt, Claim, Job, JobPage, Outcome, SolveOutcome, Taken
+from service.jobs.records import Attempt, Claim, ClaimedJobs, Job, JobPage, Outcome, SolveOutcome
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
 from service.verdicts.cache_rows import Entry, Examination
@@ -143,9 +143,9 @@ class JobStore(Protocol):
         count: int,
         *,
         lease_seconds: float,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
-    ) -> Taken:
+    ) -> ClaimedJobs:
         """Take up to ``count`` queued jobs, in the order of the queue.
 
         In place of one problem there may be up to ``together``. No two workers get the same job.
@@ -167,9 +167,9 @@ class JobStore(Protocol):
         *,
         then_take: int = 0,
         lease_seconds: float = 0.0,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
-    ) -> tuple[bool, Taken]:
+    ) -> tuple[bool, ClaimedJobs]:
         """Store the result of a job, mark it finished and take ``count`` others, in one transaction.
 
         The points that a chunk did not compute are queued again. Returns whether
@@ -183,9 +183,9 @@ class JobStore(Protocol):
         *,
         then_take: int = 0,
         lease_seconds: float = 0.0,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
-    ) -> tuple[frozenset[str], Taken]:
+    ) -> tuple[frozenset[str], ClaimedJobs]:
         """Do the same for several problems of one worker, in one transaction.
 
         Returns the ids of those whose claims held; the others change nothing.

@@ -46,9 +46,9 @@ MEASURED = """## What is measured
   panel where it is largest if what follows the series is smooth. No feature of such a V is narrower than
   the sphere over its degree. The bounds that prove it would cost several times the solver.
 * **The kernel of `high` for such sums** (any A/C, without exact roots): what harmonics of the rate leave out
-  of the period is estimated from how the last ones fall, with half the decades that they fall counted; each panel
-  is compared with the formula, with twice the digits, at one point, and four times the largest departure
-  counts.
+  of the period is estimated from how the last ones fall, with half the decades that they fall counted; each
+  panel is compared with the formula, with twice the digits, at one point, and four times the largest
+  departure counts.
 * **How fast variables change**, by which times that are off make samples be off: differences of neighbouring
   places, eight to a panel, and a quarter more. Each panel has its own.
 * **Potentials given by an integral**, which no complex ball can enter: windows are those of a scan, and

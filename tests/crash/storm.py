@@ -73,7 +73,7 @@ class Figures:
             f"{self._said('problems', JobKind.SOLVE)}; {self._said('chunks', JobKind.CHUNK)}; "
             f"jobs unfinished {self.unfinished}, lost {self.lost}, doubled {self.doubled}; "
             f"recovered in {self.recovery_seconds:.1f} s, processes left {self.left_processes}, "
-            f"doctor {'clean' if self.doctor['clean'] else 'NOT CLEAN'}"
+            f"doctor {'clean' if self.doctor['clean'] else f'NOT CLEAN: {self.doctor}'}"
         )
 
     def _said(self, name: str, kind: JobKind) -> str:

@@ -1,19 +1,14 @@
-"""Waiting: for the wake-up socket from a test that has no event loop, and for what other processes do."""
+"""Waiting: for a wake-up from a test that has no event loop, and for what other processes do."""
 
 import asyncio
 import time
 from collections.abc import Callable
 
-from service.local.wakeup import WakeUpSocket
+from service.local.wakeup import WakeUp
 
 
 def wait_for(
-    wake_up: WakeUpSocket,
-    job_id: str,
-    *,
-    is_finished: Callable[[], bool],
-    timeout: float,
-    is_new: bool = False,
+    wake_up: WakeUp, job_id: str, *, is_finished: Callable[[], bool], timeout: float, is_new: bool = False
 ) -> bool:
     async def look() -> bool:
         return is_finished()

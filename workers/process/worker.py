@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.jobs.kernels import Kernels, Outlook
-from service.local.wakeup import WARM, WorkerLine
+from service.local.wakeup import WARM, WorkerSocket
 from service.local.worker_process import WorkerProcess, new_worker_name, this_host
 from service.logs import Complaints, about
 from service.sandbox import Sandbox
@@ -118,7 +118,7 @@ class EngineLoop:
         The runner of jobs, and the worker's presence row.
     waker
         The runner's ``wake``.
-    line
+    service
         The wake-up socket of the service that started this worker, if any. When it closes, the loop stops.
     announcements
         Notifications of delivered jobs, if the engine has them.
@@ -140,7 +140,7 @@ class EngineLoop:
         presence: Presence,
         waker: Waker,
         *,
-        line: WorkerLine | None,
+        service: WorkerSocket | None,
         announcements: Announcements | None,
         takes_jobs: Callable[[], bool],
         is_warm: Callable[[], bool],
@@ -151,7 +151,7 @@ class EngineLoop:
         self._runner = runner
         self._presence = presence
         self._waker = waker
-        self._line = line
+        self._service = service
         self._announcements = announcements
         self._takes_jobs = takes_jobs
         self._is_warm = is_warm
@@ -210,8 +210,8 @@ class EngineLoop:
         is_warm = self._is_warm()
         takes_jobs = self._takes_jobs()
         self._presence.keep(is_warm=is_warm, kernels=self._kernels())
-        if is_warm and not self._has_told and self._line is not None:
-            self._line.tell(WARM)
+        if is_warm and not self._has_told and self._service is not None:
+            self._service.tell(WARM)
         self._has_told = is_warm
         if self._stop_by is None:
             if takes_jobs and self._announcements is not None:
@@ -222,9 +222,9 @@ class EngineLoop:
                 self._tell(self._runner.fill())
 
     def _tell(self, finished: list[str]) -> None:
-        if self._line is not None:
+        if self._service is not None:
             for job_id in finished:
-                self._line.tell(job_id)
+                self._service.tell(job_id)
 
     def _is_over(self) -> bool:
         if self._stop_by is None:
@@ -238,7 +238,7 @@ class EngineLoop:
         if self._runner.is_busy:
             timeout = min(timeout, WATCH_SECONDS)
         with selectors.PollSelector() as selector:
-            for source in (self._waker, self._line, self._announcements):
+            for source in (self._waker, self._service, self._announcements):
                 if source is not None and source.fileno() >= 0:
                     selector.register(source, selectors.EVENT_READ)
             heard = [key.fileobj for key, _ in selector.select(timeout)]
@@ -246,9 +246,9 @@ class EngineLoop:
             self._waker.clear()
         if self._announcements in heard and self._announcements is not None:
             self._announcements.clear()
-        if self._line in heard and self._line is not None and not self._line.is_open():
+        if self._service in heard and self._service is not None and not self._service.is_open():
             logger.info("the service has ended, stopping")
-            self._line.close()
+            self._service.close()
             self.stop()
 
 
@@ -263,7 +263,7 @@ class Equipment:
     sandbox: Sandbox
     warming: Warming
     waker: Waker
-    line: WorkerLine | None
+    service: WorkerSocket | None
     stop: StopAsked
 
 
@@ -319,7 +319,7 @@ def _loop(
         runner,
         presence,
         equipment.waker,
-        line=equipment.line,
+        service=equipment.service,
         announcements=notifications,
         takes_jobs=equipment.warming.may_take_jobs,
         is_warm=equipment.warming.is_over,

@@ -17,7 +17,7 @@ from sqlalchemy import (
 )
 
 from service.jobs.queue import Lane
-from service.jobs.records import Claim, JobKind, JobState, StoredSolution, Taken
+from service.jobs.records import Claim, ClaimedJobs, JobKind, JobState, StoredSolution
 from service.storage.database.database import is_postgres
 from service.storage.examinations import sound_content
 from service.storage.jobs import chunks
@@ -133,14 +133,14 @@ def take_jobs(
     worker: str,
     count: int,
     lease_seconds: float,
-    owed: Sequence[Lane] = (),
+    starved: Sequence[Lane] = (),
     together: int = 1,
-) -> Taken | None:
+) -> ClaimedJobs | None:
     """Claim the next jobs; finish at once those whose problem has a stored solution by now.
 
     None if none is ready. The claims may be empty: each of them may have been reused.
     """
-    ids = first_jobs(connection, count, owed, together) if count else None
+    ids = first_jobs(connection, count, starved, together) if count else None
     if ids is None:
         return None
     claims, solutions = _claim(connection, ids, worker, lease_seconds)
@@ -152,7 +152,7 @@ def take_jobs(
         and claim.audited is None
         and succeed(connection, claim, solutions[claim.digest], reused=True)
     ]
-    return Taken(
+    return ClaimedJobs(
         tuple(claim for claim in claims if claim not in reused), tuple(claim.job_id for claim in reused)
     )
 

@@ -15,6 +15,7 @@ from service.jobs.records import (
     AttemptOutcome,
     ChunkOutcome,
     Claim,
+    ClaimedJobs,
     Job,
     JobFinishedError,
     JobKind,
@@ -25,7 +26,6 @@ from service.jobs.records import (
     Refused,
     Solved,
     SolveOutcome,
-    Taken,
 )
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
@@ -155,7 +155,7 @@ class SqlJobStore:
 
     def claim(self, worker: str, *, lease_seconds: float) -> Claim | None:
         """Take the first job of the queue that has to be computed."""
-        while (taken := self.take(worker, 1, lease_seconds=lease_seconds)) != Taken():
+        while (taken := self.take(worker, 1, lease_seconds=lease_seconds)) != ClaimedJobs():
             for claim in taken.claims:
                 return claim
         return None
@@ -166,16 +166,16 @@ class SqlJobStore:
         count: int,
         *,
         lease_seconds: float,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
-    ) -> Taken:
+    ) -> ClaimedJobs:
         """Take the first jobs of the queue, in its order."""
         while True:
             with self._database.write_rows() as connection:
-                taken = take_jobs(connection, worker, count, lease_seconds, owed, together)
+                taken = take_jobs(connection, worker, count, lease_seconds, starved, together)
             if taken is None:
-                return Taken()
-            if taken != Taken():
+                return ClaimedJobs()
+            if taken != ClaimedJobs():
                 return taken
 
     def heartbeat(self, claim: Claim, *, lease_seconds: float) -> bool:
@@ -204,14 +204,14 @@ class SqlJobStore:
         *,
         then_take: int = 0,
         lease_seconds: float = 0.0,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
-    ) -> tuple[bool, Taken]:
+    ) -> tuple[bool, ClaimedJobs]:
         """Finish a job and take others by one commit."""
 
-        def take(connection: Connection) -> Taken:
-            taken = take_jobs(connection, claim.worker, then_take, lease_seconds, owed, together)
-            return taken or Taken()
+        def take(connection: Connection) -> ClaimedJobs:
+            taken = take_jobs(connection, claim.worker, then_take, lease_seconds, starved, together)
+            return taken or ClaimedJobs()
 
         if isinstance(outcome, ChunkOutcome):
             with self._database.write() as session:
@@ -231,9 +231,9 @@ class SqlJobStore:
         *,
         then_take: int = 0,
         lease_seconds: float = 0.0,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
-    ) -> tuple[frozenset[str], Taken]:
+    ) -> tuple[frozenset[str], ClaimedJobs]:
         """Finish several problems and take others by one commit."""
         worker = ended[0][0].worker
         solved = [(claim, outcome) for claim, outcome in ended if isinstance(outcome, Solved)]
@@ -242,8 +242,8 @@ class SqlJobStore:
             held = {claim.job_id for claim, outcome in refused if self._fail(session, claim, outcome.error)}
             connection = session.connection()
             held |= store_and_charge_all(connection, solved)
-            taken = take_jobs(connection, worker, then_take, lease_seconds, owed, together)
-            return frozenset(held), taken or Taken()
+            taken = take_jobs(connection, worker, then_take, lease_seconds, starved, together)
+            return frozenset(held), taken or ClaimedJobs()
 
     def finish_failure(self, claim: Claim, error: Document) -> bool:
         """Mark the job failed for good; a chunk is split into smaller ones."""

@@ -45,17 +45,17 @@ def announce(database: Database, connection: Connection) -> None:
 
 
 def first_jobs(
-    connection: Connection, count: int, owed: Sequence[Lane] = (), together: int = 1
+    connection: Connection, count: int, starved: Sequence[Lane] = (), together: int = 1
 ) -> list[str] | None:
     """Lock the first jobs of the queue that are ready, and return their ids in order; None without any.
 
-    The order is: first one job of each lane that is ``owed`` one; then by larger priority, earlier
+    The order is: first one job of each lane that is ``starved`` one; then by larger priority, earlier
     lane, smaller turn, older job of a key. Where these at most ``count`` jobs are problems,
     ``together`` of them may take the place of one: the next ones of the same priority, and of the
-    same lane, if that is owed one.
+    same lane, if that is starved one.
     """
     chosen = _Chosen(connection)
-    for_lanes = sum(chosen.add(1, 1, lane, together) for lane in owed[:count])
+    for_lanes = sum(chosen.add(1, 1, lane, together) for lane in starved[:count])
     if for_lanes < count:
         chosen.add(count - for_lanes, count, None, together)
     return chosen.ids or None

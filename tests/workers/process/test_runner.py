@@ -6,7 +6,7 @@ import signal
 import pytest
 
 from service.jobs.records import AttemptOutcome, JobState
-from service.local.wakeup import WakeUpSocket
+from service.local.wakeup import WakeUp
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.lists import list_jobs
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.any_database
 
 @pytest.fixture
 def wake_up():
-    wake_up = WakeUpSocket()
+    wake_up = WakeUp()
     yield wake_up
     wake_up.close()
 
@@ -84,7 +84,7 @@ def test_a_failed_job_does_not_spoil_its_child(jobs, start_worker):
 @pytest.mark.parametrize("rings", [True, False])
 def test_cancelling_stops_the_work_long_before_the_lease_ends(jobs, wake_up, start_worker, log, rings):
     job = jobs.submit({"chore": "spin", "log": str(log)}, "digest")
-    # A worker that hears the wake-up need not look; one that does not looks soon.
+    # A worker that is notified need not look; one that does not looks soon.
     start_worker(lease_seconds=3600, wake_up=wake_up, poll_seconds=3600 if rings else 0.1)
     (child,) = wait_until(lambda: started(log))
     jobs.cancel(job.id)
@@ -154,7 +154,7 @@ def test_a_worker_stops_with_the_service_that_started_it(jobs, wake_up, start_wo
     assert worker.process.wait(timeout=PATIENCE) == 0
 
 
-def test_the_wake_up_socket_spares_the_poll_interval(jobs, wake_up, start_worker):
+def test_the_bell_spares_the_poll_interval(jobs, wake_up, start_worker):
     start_worker(wake_up=wake_up, poll_seconds=3600)
     first = jobs.submit({}, "0")
     wake_up.notify()

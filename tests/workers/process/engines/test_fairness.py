@@ -12,8 +12,8 @@ from tests.workers.processes import wait_until
 ALICE, BOB = new_id(), new_id()
 
 
-def taken(jobs, count, owed=()):
-    return jobs.take("worker", count, lease_seconds=60.0, owed=owed).claims
+def taken(jobs, count, starved=()):
+    return jobs.take("worker", count, lease_seconds=60.0, starved=starved).claims
 
 
 @pytest.fixture
