@@ -19,7 +19,7 @@ from service.api.prometheus import Metrics
 from service.api.routes.events import documents_of
 from service.api.routes.installation import checks_of
 from service.api.routing import install
-from service.api.verdicts.examiner import Examiner
+from service.api.verdicts.examiner import CachedExaminations, Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
 from service.local.wakeup import WakeUp
@@ -41,7 +41,6 @@ from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
-from service.verdicts.memory import KeptExaminations
 from service.verdicts.starting import VerdictChildren, verdict_children
 from service.versions import version_of
 
@@ -83,7 +82,7 @@ def create_app(
         retention = Retention(database, answers, older_than_seconds=older_than_seconds)
         presence = ServicePresence(database, host=settings.host_name)
         examinations = ExaminationStore(database)
-        kept = KeptExaminations(examinations)
+        kept = CachedExaminations(examinations)
         sweeps = SweepStore(database)
         poller = ChangePoller(ChangeReader(database), sweeps, documents_of(database, settings))
         events = EventWatcher(poller, capacity=settings.event_streams)

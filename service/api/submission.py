@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
+from typing import Any
 
 from starlette.concurrency import run_in_threadpool
 
@@ -48,11 +49,10 @@ def needs_verdict(checked: CheckedProblem) -> bool:
     return isinstance(checked.problem.motion, PlanarMotion)
 
 
-def check(document: object, settings: Settings) -> Submission:
+def check(document: Any, settings: Settings) -> Submission:  # noqa: ANN401 (what a client sent)
     """Validate the document of one problem, which takes a while for a large one. Raises its refusal."""
     checked = check_problem(document, JobIn)
     check_problem_samples(checked.problem, settings)
-    assert isinstance(document, dict)
     stated, annotation = split_annotation(document)
     if not needs_verdict(checked):
         return Submission(stated, checked, annotation)
@@ -90,13 +90,13 @@ async def accept(inside: Resources, problem: Submission, holder: ApiKey | None) 
 
     def prepare() -> tuple[AccuracyTable | None, Mapping[str, str]]:
         table = _reserve(inside, holder, [problem])
-        return table, {} if problem.keys is None else inside.examiner.kept([problem])
+        return table, {} if problem.keys is None else inside.examiner.cached([problem])
 
-    table, kept = await run_in_threadpool(prepare)
+    table, cached = await run_in_threadpool(prepare)
     if problem.keys is not None:
         claimant = Claimant(None if holder is None else holder.id)
         found = inside.examiner.known(problem)
-        problem = found or (await inside.examiner.examine([problem], claimant, kept=kept))[0]
+        problem = found or (await inside.examiner.examine([problem], claimant, cached=cached))[0]
     window = window_of(problem.verdict)
     return problem if table is None else await run_in_threadpool(problem.settled, window, table)
 

@@ -8,6 +8,8 @@ from enum import StrEnum
 from service.jobs.queue import Lane
 from service.schemas.query.conditions import Value
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
+from service.schemas.reading.documents import Document
+from service.schemas.replies.summary import SolutionSummary
 
 
 class JobKind(StrEnum):
@@ -104,7 +106,7 @@ def pause_after(losses: int, first_seconds: float, spread: float) -> float:
 class Solved:
     """The solution of one problem document."""
 
-    summary: dict[str, object]
+    summary: SolutionSummary
     dense: bytes
     """The function of time, encoded by :mod:`service.storage.codecs.packing`; so are the samples."""
     samples: bytes
@@ -128,7 +130,7 @@ class StoredSolution:
 class Refused:
     """Why one problem document has no solution."""
 
-    error: dict[str, object]
+    error: Document
     """Holds at least ``code`` and ``detail``."""
 
 

@@ -14,7 +14,7 @@ from service.jobs.queue import Lane
 from service.jobs.records import Attempt, Claim, ClaimedJobs, Job, JobPage, Outcome, SolveOutcome
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.verdicts.cache_rows import Entry, Examination
+from service.verdicts.cache_rows import CacheRow, Examination
 
 KEPT_SECONDS = 86400.0
 """How long an answer is given again."""
@@ -73,7 +73,7 @@ class JobStore(Protocol):
         priority: int = 0,
         key_id: str | None = None,
         examination: Examination | None = None,
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         annotation: Annotation = UNANNOTATED,
     ) -> Job:
@@ -95,7 +95,7 @@ class JobStore(Protocol):
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
         examinations: Sequence[Examination | None] = (),
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         annotations: Sequence[Annotation] = (),
     ) -> tuple[Job, ...]:

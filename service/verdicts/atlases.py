@@ -15,9 +15,9 @@ from service.dynamics.bounds import printed_error
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.atlas.reading import AtlasQuestion, trusted_atlas
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document, Part
 from service.verdicts.cached import verdict_deadline
-from service.verdicts.documents import Document, verdict_document
+from service.verdicts.documents import verdict_document
 from service.verdicts.refusals import answer_or_refusal, deadline, refusal_of_verdict
 
 PROCESSOR_SECONDS, SECONDS = 4.0, 6.0

@@ -16,7 +16,7 @@ from rich.console import Console
 from service.csv_text import LF, data_lines, header_line
 from service.dynamics.motion import NO_CROSS_CHECK
 from service.dynamics.solution.ball_columns import is_part
-from service.jobs.kernels import FASTER, NeedsKernelsError, told_way
+from service.jobs.kernels import FASTER, NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.atlas.reading import read_atlas
@@ -52,7 +52,7 @@ def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
     if isinstance(outcome, Refused):
         say(_reason(outcome.error))
         return 1
-    if told_way(outcome.summary) == "plain":
+    if way_of_solution(outcome.summary) == "plain":
         say(f"solved without compiled kernels: {FASTER}")
     columns = decode_arrays(outcome.samples)
     if csv is not None:

@@ -4,11 +4,11 @@ import json
 
 from service.jobs.records import AtlasResult, Refused
 from service.schemas.atlas.reading import trusted_atlas
+from service.schemas.reading.documents import Document, Part
 from service.storage.codecs.packing import encode_document
 from service.verdicts.atlases import examine_atlas_of_job
 from workers.computation.compiled_code import way_for
 from workers.computation.compute import solve_document
-from workers.computation.summary import Document
 
 STABILITY_COLUMNS = {"trace": "trace", "trace_error": "error", "multipliers": "multipliers"}
 STABILITY_COLUMNS |= {"multipliers_error": "multipliers_error", "verdict": "verdict"}
@@ -45,14 +45,14 @@ def with_stability(document_json: str, atlas_json: str, *, waits: bool = False) 
 def _along(document: Document, window: int, lambdas: list[float], waits: bool) -> Document:
     columns: dict[str, list[object]] = {name: [] for name in (*STABILITY_COLUMNS, "reason")}
     for lambda_ in lambdas:
-        result, reason = _at(document, window, lambda_, waits)
+        found, reason = _at(document, window, lambda_, waits)
         for column, name in STABILITY_COLUMNS.items():
-            columns[column].append(None if result is None else result[name])
+            columns[column].append(None if found is None else found[name])
         columns["reason"].append(reason)
     return dict(columns)
 
 
-def _at(document: Document, window: int, lambda_: float, waits: bool) -> tuple[Document | None, str | None]:
+def _at(document: Document, window: int, lambda_: float, waits: bool) -> tuple[Part | None, str | None]:
     """Return the stability that a job tells, or the code it is refused with."""
     motion: Document = {"type": "planar", "lambda": lambda_, "window": window}
     motion |= {name: document[name] for name in ("g1_sign", "g3_sign") if name in document}
@@ -64,5 +64,4 @@ def _at(document: Document, window: int, lambda_: float, waits: bool) -> tuple[D
     if isinstance(outcome, Refused):
         return None, str(outcome.error["code"])
     stability = outcome.summary["stability"]
-    assert isinstance(stability, dict)
     return stability, None

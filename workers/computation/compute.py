@@ -25,15 +25,16 @@ from service.dynamics.sampling import exact_instants
 from service.dynamics.solution.ball_columns import JOIN_BITS, RADIUS, parts_for, split
 from service.dynamics.solution.dense_output import DenseOutput, Period
 from service.dynamics.verdict.simple_form import simplified
-from service.jobs.kernels import NeedsKernelsError, told_way
+from service.jobs.kernels import NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
 from service.schemas.problem.trusted import trusted_problem
 from service.schemas.reading.documents import Part
+from service.schemas.replies.summary import SolutionSummary
 from service.storage.codecs.packing import encode_arrays, encode_dense
 from service.storage.solutions.shipped_accuracy import shipped_table
-from service.verdicts.cached import Kept, read_windows
+from service.verdicts.cached import ResultCache, read_windows
 from service.verdicts.examination import Examined, examine_document
 from workers import solvers
 from workers.computation.compiled_code import (
@@ -46,7 +47,7 @@ from workers.computation.compiled_code import (
     why_no_folder,
 )
 from workers.computation.outputs import InUnits, compute_outputs, errors_of, in_units, require_promise
-from workers.computation.summary import Document, summarise
+from workers.computation.summary import summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.choose import choose_enclosures, enclose, find_motion
@@ -70,7 +71,7 @@ def solve_document(
 ) -> SolveOutcome:
     """Solve the problem in ``document_json``; what cannot be solved is told in the outcome, not raised.
 
-    ``windows_json`` has the windows of its curve, if they were kept: they are not found again. Without a
+    ``windows_json`` has the windows of its curve, if they were cached: they are not found again. Without a
     ``way`` it is the compiled one if its kernels are ready, and a plain one waits for them: no refusal of a
     solver is final. So does a given one that ``waits``. A document that nobody has validated is ``read`` by
     who does.
@@ -107,7 +108,7 @@ def as_solved(problem: Problem) -> Problem:
 
 def way_to_repeat(stored: StoredSolution) -> Way | None:
     """Return the way of a stored solution, on which its bits can be repeated; None if it is not to be had."""
-    if told_way(stored.summary) == "plain":
+    if way_of_solution(stored.summary) == "plain":
         return "plain"
     return "compiled" if is_ready(*GROUPS) else None
 
@@ -124,9 +125,7 @@ def kernels_of(problem: Problem) -> tuple[Group, ...]:
     return tuple(groups)
 
 
-def _solve_read(
-    document: Document, problem: Problem, began: float, way: Way | None, waits: bool
-) -> SolveOutcome:
+def _solve_read(document: Part, problem: Problem, began: float, way: Way | None, waits: bool) -> SolveOutcome:
     """Solve the ``problem`` that was read from ``document``."""
     chosen = way or way_for(*kernels_of(problem))
     try:
@@ -146,7 +145,7 @@ def _can_wait() -> bool:
     return fixed_way() is None and why_no_folder() is None
 
 
-def _solve_on_way(document: Document, problem: Problem, began: float, *, waits: bool) -> SolveOutcome:
+def _solve_on_way(document: Part, problem: Problem, began: float, *, waits: bool) -> SolveOutcome:
     """Solve it on the present way; one that ``waits`` for kernels takes no refusal of a solver for final.
 
     What is wrong with the problem itself is final on any way.
@@ -164,8 +163,8 @@ def _solve_on_way(document: Document, problem: Problem, began: float, *, waits: 
 
 
 def _solve_in(
-    document: Document, problem: Problem, units: Units
-) -> tuple[Document, DenseOutput, dict[str, FloatArray]]:
+    document: Part, problem: Problem, units: Units
+) -> tuple[SolutionSummary, DenseOutput, dict[str, FloatArray]]:
     """Return the summary of the solution, its function of time and its columns, solved in ``units``."""
     posed, certified, enclosures = units.pose(problem), None, dict[str, FloatArray]()
     solved = solve(posed)
@@ -194,17 +193,17 @@ def solve_checked(
     document_json: str,
     *,
     explains: bool = True,
-    kept: Kept | None = None,
+    cache: ResultCache | None = None,
     way: Way | None = None,
     waits: bool = False,
 ) -> SolveOutcome:
     """Examine and solve a problem whose potential and motion have not been examined yet.
 
-    Where there is no motion, an error that ``explains`` says for which λ there are. In ``kept`` are verdicts
+    Where there is no motion, an error that ``explains`` says for which λ there are. In ``cache`` are verdicts
     that were found before. The way is that of :func:`solve_document`.
     """
     document = json.loads(document_json)
-    examined = examine_document(document, explains=explains, kept=kept, read=read_problem)
+    examined = examine_document(document, explains=explains, cache=cache, read=read_problem)
     return _solve_examined(document, examined, way, waits=waits)
 
 
@@ -216,20 +215,16 @@ def solve_judged(document_json: str, report_json: str) -> SolveOutcome:
 
 
 def _solve_examined(
-    document: Document, examined: Examined, way: Way | None, *, waits: bool = False
+    document: Part, examined: Examined, way: Way | None, *, waits: bool = False
 ) -> SolveOutcome:
     began = time.perf_counter()
     problem, report = examined.problem, examined.answer
     if problem is None or "error" in report:
-        error = report["error"]
-        assert isinstance(error, dict)
-        return Refused(error)
+        return Refused(report["error"])
     if problem.accuracy.budget_seconds is not None:
-        verdict = report["verdict"]
-        assert verdict is None or isinstance(verdict, dict)
         # Without a database there is only the table that comes with the program.
         try:
-            choice = choose_tier(problem, window_of(verdict), shipped_table())
+            choice = choose_tier(problem, window_of(report["verdict"]), shipped_table())
         except BudgetTooSmallError as fault:
             return _refused(document, fault)
         # Another document: it states a tier where the first one had a budget.

@@ -16,6 +16,20 @@ from service.dynamics.potentials.potential import Notice
 from service.dynamics.problem import Problem
 from service.dynamics.solution.ball_columns import as_decimals
 from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL, is_simplified
+from service.schemas.reading.documents import Part
+from service.schemas.replies.summary import (
+    AsymptoteSummary,
+    CrossCheckSummary,
+    EnclosureSummary,
+    EstimateSummary,
+    GroupErrorSummary,
+    IntegralSummary,
+    NoticeSummary,
+    PrecessionSummary,
+    ProvenanceSummary,
+    SolutionSummary,
+    StabilitySummary,
+)
 from service.storage.codecs.summary import FIRST_PASSAGE, PROVEN_SAMPLES
 from service.versions import version_of
 from workers.computation.compiled_code import libraries, processor, threads
@@ -25,17 +39,15 @@ from workers.solvers.orientation.advance import Precession
 from workers.solvers.stability.assessment import Stability
 from workers.solvers.ways import current_way
 
-Document = dict[str, object]
-
 
 def summarise(
-    document: Document,
+    document: Part,
     problem: Problem,
     motion: Motion,
     outputs: Outputs,
     certified: Certified | None,
     errors: Mapping[str, GroupError],
-) -> Document:
+) -> SolutionSummary:
     """Return the solution resource of the problem ``document`` without its ids and cost."""
     window, orientation = motion.window, outputs.orientation
     precession = None if orientation is None else orientation.precession
@@ -62,24 +74,33 @@ def summarise(
         else _stability(outputs.stability, outputs.closed_trace),
         "precession": None if precession is None else _precession(precession),
         "conventions": motion.conventions,
-        "warnings": [asdict(notice) for notice in (*outputs.notices, *beyond)],
+        "warnings": [_notice(notice) for notice in (*outputs.notices, *beyond)],
         "evidence": _evidence(problem, motion),
         "provenance": provenance(),
     }
 
 
-def _group(error: GroupError) -> Document:
+def _notice(notice: Notice) -> NoticeSummary:
+    return {"code": notice.code, "message": notice.message, "pointer": notice.pointer}
+
+
+def _group(error: GroupError) -> GroupErrorSummary:
     """Return an error; variables that are all 0, and are not known to be, have no relative one."""
     relative = error.relative
     return {"absolute": error.absolute, "relative": relative if isfinite(relative) else None}
 
 
-def _cross_check(check: CrossCheck) -> Document:
+def _cross_check(check: CrossCheck) -> CrossCheckSummary:
     """Return what was compared; why nothing was is among the warnings."""
-    return {name: value for name, value in asdict(check).items() if name != "why_none"}
+    return {
+        "method": check.method,
+        "disagreement": check.disagreement,
+        "horizon": check.horizon,
+        "agrees": check.agrees,
+    }
 
 
-def provenance() -> Document:
+def provenance() -> ProvenanceSummary:
     """Return what computes here. What is equal in all of it gives equal problems the same bits."""
     return {
         "version": version_of("polhode"),
@@ -91,7 +112,7 @@ def provenance() -> Document:
     }
 
 
-def _evidence(problem: Problem, motion: Motion) -> Document:
+def _evidence(problem: Problem, motion: Motion) -> Mapping[str, float | int | str]:
     """Return what the solvers measured, and what the motion says of itself beside its error."""
     potential = problem.potential
     simpler = format_tree(potential.tree) if is_simplified(potential) else None
@@ -103,7 +124,7 @@ def _evidence(problem: Problem, motion: Motion) -> Document:
     return {**motion.evidence, **{name: value for name, value in said.items() if value is not None}}
 
 
-def _period(motion: Motion) -> Document | None:
+def _period(motion: Motion) -> EstimateSummary | None:
     period = motion.dense.period
     if period is None:
         return None
@@ -111,27 +132,26 @@ def _period(motion: Motion) -> Document | None:
     return _estimate(Estimate(period.hi, error))
 
 
-def _estimate(number: Estimate) -> Document:
+def _estimate(number: Estimate) -> EstimateSummary:
     """Return a number with the bound of the error of the decimal that it is written as."""
     return {"value": number.value, "error": printed_error(number.value, number.error)}
 
 
-def _limit(limit: Asymptote) -> Document:
-    estimates = {"time": limit.time, "rate": limit.rate}
-    known = {name: None if number is None else _estimate(number) for name, number in estimates.items()}
-    return {**asdict(limit), **known}
+def _limit(limit: Asymptote) -> AsymptoteSummary:
+    time, rate = (None if number is None else _estimate(number) for number in (limit.time, limit.rate))
+    return {"kind": limit.kind, "time": time, "rate": rate, "gamma": limit.gamma}
 
 
-def _enclosure(ball: arb) -> Document:
+def _enclosure(ball: arb) -> EnclosureSummary:
     value, radius = as_decimals(ball)
     return {"value": value, "radius": radius}
 
 
-def _invariants(outputs: Outputs) -> tuple[Document | None, list[Notice]]:
+def _invariants(outputs: Outputs) -> tuple[Mapping[str, IntegralSummary] | None, list[Notice]]:
     """Return the integrals, and a warning that tells those whose numbers are beyond doubles."""
     if outputs.drifts is None:
         return None, []
-    integrals: dict[str, Document] = {
+    integrals: dict[str, IntegralSummary] = {
         name: {"drift": drift} for name, drift in asdict(outputs.drifts).items()
     }
     for each in outputs.further:
@@ -139,24 +159,28 @@ def _invariants(outputs: Outputs) -> tuple[Document | None, list[Notice]]:
         integrals[each.integral.name] = {"value": each.value, "drift": each.drift, "kind": kind}
     integrals |= {f"relation: {name}": {"drift": drift} for name, drift in outputs.relations.items()}
     beyond = [name for name, numbers in integrals.items() if not _are_finite(numbers)]
-    finite: Document = {name: numbers for name, numbers in integrals.items() if name not in beyond}
+    finite = {name: numbers for name, numbers in integrals.items() if name not in beyond}
     text = f"left out, since doubles do not reach so far: {', '.join(beyond)}"
     return finite, [Notice("invariants_not_finite", text, "/outputs")] if beyond else []
 
 
-def _are_finite(numbers: Document) -> bool:
+def _are_finite(numbers: IntegralSummary) -> bool:
     return all(isfinite(number) for number in numbers.values() if isinstance(number, float))
 
 
-def _precession(precession: Precession) -> Document:
+def _precession(precession: Precession) -> PrecessionSummary:
     return {"psi1": _estimate(precession.psi1), "psi3": _estimate(precession.psi3)}
 
 
-def _stability(stability: Stability, closed_trace: Estimate | None) -> Document:
-    pairs = [[multiplier.real, multiplier.imag] for multiplier in stability.multipliers]
-    errors = {
+def _stability(stability: Stability, closed_trace: Estimate | None) -> StabilitySummary:
+    return {
+        "trace": stability.trace,
         "error": printed_error(stability.trace, stability.error),
+        "multipliers": [[multiplier.real, multiplier.imag] for multiplier in stability.multipliers],
+        "multipliers_error": stability.multipliers_error,
+        "verdict": stability.verdict,
+        "exponent": stability.exponent,
         "exponent_error": printed_error(stability.exponent, stability.exponent_error),
+        "trusted_time": stability.trusted_time,
+        "closed_form_trace": None if closed_trace is None else _estimate(closed_trace),
     }
-    closed = None if closed_trace is None else _estimate(closed_trace)
-    return {**asdict(stability), **errors, "multipliers": pairs, "closed_form_trace": closed}

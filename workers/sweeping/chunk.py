@@ -17,7 +17,7 @@ from service.jobs.records import ChunkOutcome
 from service.schemas.problem.problem import read_problem
 from service.schemas.sweep.sweep import Sweep, trusted_sweep
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
-from service.verdicts.cached import Kept
+from service.verdicts.cached import ResultCache
 from workers.computation.compiled_code import GROUPS, keep_compiled_code, way_for
 from workers.solvers.ways import NotReadyError, Way, on_way
 from workers.sweeping.plan import FEW, Plan, make_plan, plan_varying
@@ -53,12 +53,18 @@ class SweepPoint:
 
 
 def solve_point(
-    sweep: Sweep, index: int, *, is_judged: bool, way: Way, waits: bool = False, kept: Kept | None = None
+    sweep: Sweep,
+    index: int,
+    *,
+    is_judged: bool,
+    way: Way,
+    waits: bool = False,
+    cache: ResultCache | None = None,
 ) -> SweepPoint:
     """Solve the point like its job of that way; with ``is_judged`` its potential is known to be admissible.
 
     Then only the verdict is skipped: other refusals that precede a job are
-    raised by the job itself. Else the verdict may be in ``kept``, or is put there.
+    raised by the job itself. Else the verdict may be in ``cache``, or is put there.
 
     Raises
     ------
@@ -70,7 +76,7 @@ def solve_point(
         outcome = (
             solve_document(document, way=way, waits=waits, read=read_problem)
             if is_judged
-            else solve_checked(document, explains=False, kept=kept, way=way, waits=waits)
+            else solve_checked(document, explains=False, cache=cache, way=way, waits=waits)
         )
     except InvalidProblemError:
         return _refused(sweep, "invalid_problem")
@@ -164,7 +170,7 @@ class ChunkSolver:
             elif data is not None:
                 self._blocks = varying.VaryingSolver(plan.sweep, data)
         self._compared = set[str]()
-        self._verdicts, self._judged = Kept({}), 0
+        self._verdicts, self._judged = ResultCache({}), 0
 
     def solve(self, first: int, count: int, until: float) -> ChunkPoints:
         """Solve points in turn until ``time.perf_counter()`` is ``until``, at least one."""
@@ -228,7 +234,7 @@ class ChunkSolver:
         slices = self._slices
         is_judged = self._plan.is_judged or (slices is not None and slices.is_judged(index))
         if not self._judged % MOST_CACHED_VERDICTS:
-            self._verdicts = Kept({})
+            self._verdicts = ResultCache({})
         self._judged += 1
         return solve_point(
             self._plan.sweep,
@@ -236,7 +242,7 @@ class ChunkSolver:
             is_judged=is_judged,
             way=self._way,
             waits=self._waits,
-            kept=self._verdicts,
+            cache=self._verdicts,
         )
 
 

@@ -5,7 +5,7 @@ its own, whose points go in blocks. A point of a slice is the point of the whole
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -16,7 +16,7 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.exact import exact_number
 from service.dynamics.sweep_axes import ListedAxis
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.documents import InvalidProblemError, with_values
+from service.schemas.reading.documents import InvalidProblemError, Part, with_values
 from service.schemas.sweep.sweep import Sweep, SweepAxis, json_number
 from workers.sweeping.plan import FEW, make_plan
 from workers.sweeping.planar.block import BlockSolver
@@ -168,10 +168,9 @@ def slice_of(sweep: Sweep, outer: Sequence[int], numbers: Sequence[Fraction]) ->
         return None
 
 
-def _own_curve(base: Mapping[str, object]) -> SweepAxis | None:
+def _own_curve(base: Part) -> SweepAxis | None:
     """Return an axis with the one value that λ or nu has, for a slice of a single point."""
     motion = base["motion"]
-    assert isinstance(motion, dict)
     for name in ("lambda", "nu"):
         if name in motion:
             return SweepAxis(f"/motion/{name}", ("motion", name), ListedAxis((exact_number(motion[name]),)))

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from service.api.formats.columns import ColumnKind, Sink, units_of
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Part
 
 POINTS, DOCUMENT, DESCRIPTOR = "points.parquet", "sweep.json", "datapackage.json"
 PROFILE = "https://datapackage.org/profiles/2.0/datapackage.json"
@@ -32,12 +32,12 @@ class Package:
 
     sweep: str
     """Its id."""
-    document: Document
+    document: Part
     finished_at: datetime
     kinds: Mapping[str, ColumnKind]
     errors: Mapping[str, str]
     """For each column that has one, the column with the bounds of its errors."""
-    provenance: Document
+    provenance: Part
 
 
 def package(about: Package, parquet: Iterable[bytes]) -> Iterator[bytes]:
@@ -99,7 +99,7 @@ class _Archive:
             }
         )
 
-    def _resource(self, name: str, path: str, format_name: str, media_type: str) -> Document:
+    def _resource(self, name: str, path: str, format_name: str, media_type: str) -> Part:
         return {
             "name": name,
             "path": path,
@@ -123,5 +123,5 @@ def _fields(about: Package) -> Iterator[dict[str, object]]:
         yield described
 
 
-def _json(document: Document) -> bytes:
+def _json(document: Part) -> bytes:
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False).encode() + b"\n"

@@ -6,7 +6,7 @@ from http import HTTPStatus
 
 from fastapi import Response
 
-from service.schemas.reading.documents import Document, Fault
+from service.schemas.reading.documents import Fault, Part
 
 MEDIA_TYPE = "application/problem+json"
 URN = "urn:polhode:problem:"
@@ -95,14 +95,14 @@ class ApiError(Exception):
         detail: str,
         *,
         faults: Sequence[Fault] = (),
-        extras: Document | None = None,
+        extras: Part | None = None,
         headers: Mapping[str, str] | None = None,
     ) -> None:
         super().__init__(detail)
         self.status, self.code, self.detail = status, code, detail
         self.faults, self.extras, self.headers = tuple(faults), dict(extras or {}), dict(headers or {})
 
-    def document(self) -> Document:
+    def document(self) -> Part:
         """Return the problem document."""
         document: dict[str, object] = {
             "type": URN + self.code,
@@ -123,7 +123,7 @@ class ApiError(Exception):
         return Response(content, status_code=self.status, media_type=MEDIA_TYPE, headers=self.headers)
 
 
-def _fault_document(fault: Fault) -> Document:
+def _fault_document(fault: Fault) -> Part:
     document: dict[str, object] = {"pointer": fault.pointer, "code": fault.code, "message": fault.message}
     if fault.position is not None:
         document["position"] = fault.position

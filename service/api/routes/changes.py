@@ -21,7 +21,7 @@ from service.jobs.keys import ApiKey
 from service.jobs.records import Job, SweepRecord
 from service.schemas.reading.annotation import MOST_LABELS, Annotation, patched
 from service.schemas.reading.annotation_in import MarksPatchIn
-from service.schemas.reading.documents import Document, Fault, InvalidProblemError
+from service.schemas.reading.documents import Fault, InvalidProblemError, Part
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.job import JobOut
 from service.schemas.replies.response_model import ResponseModel
@@ -39,7 +39,7 @@ router = APIRouter(prefix="/v1")
 Annotatable = TypeVar("Annotatable", Job, Solution, SweepRecord)
 Owned = TypeVar("Owned", Job, SweepRecord)
 
-EXAMPLES: Document = {
+EXAMPLES: Part = {
     "change": {"value": {"labels": {"project": "thesis", "draft": None}, "note": "figure 3"}},
     "remove": {"value": {"labels": None, "note": None}},
 }
@@ -141,17 +141,16 @@ def _change(
     return Response(answer, media_type=JSON, headers={"ETag": tag_of_content(answer)})
 
 
-def _read(content: bytes) -> Document:
+def _read(content: bytes) -> Part:
     """Return a valid change."""
-    document = read_json(content)
+    document: Part = read_json(content)
     _, faults = read_parts(document, MarksPatchIn, {})
     if faults:
         raise _refused(faults)
-    assert isinstance(document, dict)
     return document
 
 
-def _changed(given: Annotatable, patch: Document) -> Annotation:
+def _changed(given: Annotatable, patch: Part) -> Annotation:
     """Return the labels and the note after the change."""
     annotation = patched(given.annotation, patch)
     if (count := len(annotation.labels)) > MOST_LABELS:

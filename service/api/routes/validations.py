@@ -35,7 +35,7 @@ from service.schemas.problem.problem import check_problem, check_question
 from service.schemas.problem.questions import Question
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.problem.trusted import ONE_AT_A_TIME
-from service.schemas.reading.documents import Document, InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError, Part
 from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
@@ -66,7 +66,7 @@ class ValidationQuery(QueryModel):
 
 router = APIRouter(prefix="/v1/validations", tags=["validations"])
 
-EXAMPLES: Document = {
+EXAMPLES: Part = {
     "admissible": {
         "value": {
             "body": {"A": 2, "C": 1},
@@ -125,13 +125,13 @@ class _Asked:
     question: Question
     whole: CheckedProblem | None
     """The problem, if motion and times are given."""
-    document: Document
+    document: Part
     text: str
 
 
 async def _judged(
     inside: Resources, asked: _Asked, formats: Sequence[Format], claimant: Claimant
-) -> Document | None:
+) -> Part | None:
     if not formats:
         return await examine(inside.verdicts, examine_question, asked.text, claimant)
     seconds = inside.settings.formula_seconds
@@ -141,7 +141,6 @@ async def _judged(
 def _checked(content: bytes, settings: Settings) -> _Asked:
     document = read_json(content)
     question, whole = check_question(document)
-    assert isinstance(document, dict)
     if whole is not None:
         check_problem_samples(whole.problem, settings)
     return _Asked(question, whole, document, json.dumps(document))
@@ -151,7 +150,7 @@ def _planned(
     inside: Resources,
     asked: _Asked,
     checked: CheckedProblem,
-    verdict: Document | None,
+    verdict: Part | None,
 ) -> Response:
     if verdict is None:
         with ONE_AT_A_TIME:
@@ -162,9 +161,8 @@ def _planned(
     return json_response(VerdictOut.model_validate({**verdict, "plan": completed}))
 
 
-def _completed(inside: Resources, document: Document, checked: CheckedProblem, plan: object) -> Document:
+def _completed(inside: Resources, document: Part, checked: CheckedProblem, plan: Part) -> Part:
     """Add to the plan of a job the expected seconds and a stored solution."""
-    assert isinstance(plan, dict)
     window, table = plan["window"], AccuracyStore(inside.database).current()
     problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
     accepted = Submission(problem, checked).settled(window, table)
@@ -181,9 +179,9 @@ def _completed(inside: Resources, document: Document, checked: CheckedProblem, p
 
 
 def _tiers(
-    document: Document,
+    document: Part,
     problem: Problem,
-    window: Document | None,
+    window: Part | None,
     table: AccuracyTable,
 ) -> list[dict[str, object]]:
     """Return what each tier is expected to do with a problem, or why it refuses it."""
@@ -205,7 +203,7 @@ def _tiers(
     return tiers
 
 
-def _refusal_at(document: Document, tier: Tier) -> str | None:
+def _refusal_at(document: Part, tier: Tier) -> str | None:
     """Return why a problem is none at a tier."""
     try:
         check_problem({**document, "accuracy": {"tier": tier}})

@@ -4,6 +4,8 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from service.schemas.reading.documents import Document
+
 MOST_LABELS = 16
 LONGEST_KEY, LONGEST_VALUE, LONGEST_NOTE = 63, 128, 2000
 LABEL_KEY = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9_.-]{0,61}[A-Za-z0-9])?\Z")
@@ -24,8 +26,8 @@ class Annotation:
 UNANNOTATED = Annotation()
 
 
-def split_annotation(document: Mapping[str, object]) -> tuple[dict[str, object], Annotation]:
-    """Return a valid document without its labels and note, and these."""
+def split_annotation(document: Mapping[str, object]) -> tuple[Document, Annotation]:
+    """Return a valid document without its annotation, and the annotation."""
     rest = {name: value for name, value in document.items() if name not in FIELDS}
     return rest, patched(UNANNOTATED, {name: document[name] for name in FIELDS if name in document})
 

@@ -15,7 +15,7 @@ from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_
 from service.jobs.kernels import Kernels, Way, way_of_sweep
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, ChunkOutcome, Claim, JobKind, JobState, sources
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Part
 from service.storage.database.rows import database_now, new_id
 from service.storage.jobs.moves import end_attempt, fence, may_become, move
 from service.storage.jobs.submitting import next_turns
@@ -44,7 +44,7 @@ def hold(session: Session, sweep_id: str | None) -> SweepRow | None:
 class Begun:
     """The document of a sweep, and the way in which its points are computed."""
 
-    document: Document
+    document: Part
     way: str
 
 
@@ -143,7 +143,7 @@ def replace_failed(session: Session, sweep: SweepRow | None, job_id: str) -> lis
     return _store(session, sweep, asked.first, refused, (), most)
 
 
-def first_problem(sweep: SweepRow, claim: Claim) -> Document:
+def first_problem(sweep: SweepRow, claim: Claim) -> Part:
     """Return what the chunk of ``claim`` is to compute if its sweep begins again."""
     most = most_of(claim.problem)
     return _problem(pilot(sweep.points, most), most)
@@ -233,15 +233,15 @@ def _end(session: Session, sweep: SweepRow, state: JobState) -> None:
     session.flush()
 
 
-def _problem(chunk: Range, most: int) -> Document:
+def _problem(chunk: Range, most: int) -> Part:
     return {"first": chunk.first, "count": chunk.count, "most": most}
 
 
-def range_of(problem: Document) -> Range:
+def range_of(problem: Part) -> Range:
     """Return the points that a chunk's job computes."""
     return Range(int(str(problem["first"])), int(str(problem["count"])))
 
 
-def most_of(problem: Document) -> int:
+def most_of(problem: Part) -> int:
     """Return how large a chunk of the sweep of a chunk's job may be."""
     return int(str(problem["most"]))

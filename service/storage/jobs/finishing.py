@@ -25,7 +25,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.sql import ColumnElement
 
 from service.jobs.records import AtlasResult, AttemptOutcome, Claim, JobState, Solved
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Part
 from service.storage.annotations import LABELS_OF_JOB, copy_labels
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import is_postgres
@@ -223,7 +223,7 @@ def store_atlas(session: Session, claim: Claim, outcome: AtlasResult) -> bool:
     return True
 
 
-def _with_examination(summary: Document, seconds: float | None) -> Document:
+def _with_examination(summary: Part, seconds: float | None) -> Part:
     """Return the summary with what the examination has cost, which was before the job."""
     cost = summary.get("cost")
     if seconds is None or not isinstance(cost, Mapping):
@@ -231,9 +231,7 @@ def _with_examination(summary: Document, seconds: float | None) -> Document:
     return {**summary, "cost": {**cost, "examination_seconds": seconds}}
 
 
-def store_solution(
-    connection: Connection, claim: Claim, summary: Document, dense: bytes, samples: bytes
-) -> bool:
+def store_solution(connection: Connection, claim: Claim, summary: Part, dense: bytes, samples: bytes) -> bool:
     """Insert the solution of a claimed job, its arrays and labels, and move the job, if the claim holds."""
     solution_id = new_id()
     given = _row(claim, solution_id, summary)
@@ -274,7 +272,7 @@ def solved(connection: Connection, digests: Sequence[str], *, hold: bool) -> dic
     return found
 
 
-def _row(claim: Claim, solution_id: str, summary: Document) -> Document:
+def _row(claim: Claim, solution_id: str, summary: Part) -> Part:
     """Return the parameters of the statements that store a solution."""
     columns = {
         "id": solution_id,
@@ -288,7 +286,7 @@ def _row(claim: Claim, solution_id: str, summary: Document) -> Document:
     }
 
 
-def _moves(claim: Claim, solution_id: str, *, reused: bool) -> Document:
+def _moves(claim: Claim, solution_id: str, *, reused: bool) -> Part:
     return {
         "job": claim.job_id,
         "claimant": claim.worker,

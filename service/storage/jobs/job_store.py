@@ -30,7 +30,7 @@ from service.jobs.records import (
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Part
 from service.storage.annotations import annotations_of, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, is_id
@@ -46,7 +46,7 @@ from service.storage.keys.idempotency_store import write_key
 from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
-from service.verdicts.cache_rows import Entry, Examination
+from service.verdicts.cache_rows import CacheRow, Examination
 
 _JOBS = table_of(JobRow)
 _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
@@ -62,13 +62,13 @@ class SqlJobStore:
 
     def submit(
         self,
-        problem: Document,
+        problem: Part,
         digest: str,
         *,
         priority: int = 0,
         key_id: str | None = None,
         examination: Examination | None = None,
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         annotation: Annotation = UNANNOTATED,
     ) -> Job:
@@ -86,13 +86,13 @@ class SqlJobStore:
 
     def submit_many(
         self,
-        problems: Sequence[tuple[Document, str]],
+        problems: Sequence[tuple[Part, str]],
         *,
         priority: int = 0,
         key_id: str | None = None,
         lane: Lane = Lane.SINGLE,
         examinations: Sequence[Examination | None] = (),
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
         annotations: Sequence[Annotation] = (),
     ) -> tuple[Job, ...]:
@@ -245,7 +245,7 @@ class SqlJobStore:
             taken = take_jobs(connection, worker, then_take, lease_seconds, starved, together)
             return frozenset(held), taken or ClaimedJobs()
 
-    def finish_failure(self, claim: Claim, error: Document) -> bool:
+    def finish_failure(self, claim: Claim, error: Part) -> bool:
         """Mark the job failed for good; a chunk is split into smaller ones."""
         with self._database.write() as session:
             return self._fail(session, claim, error)
@@ -322,7 +322,7 @@ class SqlJobStore:
         self._announce(session, bool(queued))
         return queued is not None
 
-    def _fail(self, session: Session, claim: Claim, error: Document) -> bool:
+    def _fail(self, session: Session, claim: Claim, error: Part) -> bool:
         sweep = chunks.hold(session, claim.sweep_id)
         if not move(session, JobState.FAILED, *fence(claim), error=dict(error)):
             return False

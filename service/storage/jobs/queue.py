@@ -25,7 +25,7 @@ from sqlalchemy import (
 
 from service.jobs.queue import Lane
 from service.jobs.records import JobKind, JobState
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Part
 from service.storage.database.database import Database
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
@@ -123,7 +123,7 @@ class _Chosen:
                     self._take(row)
         return bool(head)
 
-    def _rows(self, which: _Which, values: Document) -> Sequence[Row[*tuple[Any, ...]]]:
+    def _rows(self, which: _Which, values: Part) -> Sequence[Row[*tuple[Any, ...]]]:
         return self._connection.execute(_STATEMENTS[which], values).all()
 
     def _take(self, row: Row[*tuple[Any, ...]]) -> None:

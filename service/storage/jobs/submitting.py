@@ -11,7 +11,7 @@ from service.jobs.queue import Lane, gap_for, turns
 from service.jobs.records import JobKind, JobState
 from service.schemas.query.facts import facts_of
 from service.schemas.reading.annotation import Annotation
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Part
 from service.storage.annotations import insert_labels
 from service.storage.database.database import is_postgres
 from service.storage.database.rows import database_now, new_id
@@ -91,7 +91,7 @@ _INSERT, _INSERT_AUDITS = insert(table_of(JobRow)), insert(table_of(AuditRow))
 
 def insert_jobs(
     session: Session,
-    problems: Sequence[tuple[Document, str]],
+    problems: Sequence[tuple[Part, str]],
     *,
     lane: Lane,
     priority: int,

@@ -10,7 +10,7 @@ from service.jobs.records import AuditNotFoundError, Job, JobPage, SolutionNotFo
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import UNANNOTATED
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Part
 from service.storage.annotations import annotations_of
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
@@ -22,7 +22,7 @@ from service.storage.keys.idempotency_store import write_key
 from service.storage.searching.sources import audits_of
 from service.storage.tables.jobs import AuditRow, JobRow
 from service.storage.tables.solutions import SolutionRow
-from service.verdicts.cache_rows import Entry, Examination
+from service.verdicts.cache_rows import CacheRow, Examination
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Audit:
     job: Job
     solution_id: str
     """The audited solution; the job's own is the new one."""
-    comparison: Document | None
+    comparison: Part | None
     """The comparison of the two solutions; None as long as there is no second one."""
 
 
@@ -53,13 +53,13 @@ class AuditStore:
     def submit(
         self,
         solution_id: str,
-        problem: Document,
+        problem: Part,
         digest: str,
         *,
         priority: int = 0,
         key_id: str | None = None,
         examination: Examination | None = None,
-        found: Sequence[Entry] = (),
+        found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
     ) -> Job:
         """Store a job that solves ``problem``, that of a solution or one like it, to compare the two.

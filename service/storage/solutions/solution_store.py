@@ -14,7 +14,8 @@ from sqlalchemy.orm import Session
 from service.jobs.records import SolutionNotFoundError
 from service.schemas.query.conditions import ListQuery, Value
 from service.schemas.reading.annotation import Annotation
-from service.schemas.reading.documents import Document, Part
+from service.schemas.reading.documents import Part
+from service.schemas.replies.summary import SolutionSummary
 from service.storage.annotations import annotations_of, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import instant, is_id, rows_of_page
@@ -32,7 +33,7 @@ class Solution:
     job_id: str
     """The job that computed it; later jobs may have reused it."""
     problem: Part
-    summary: Document
+    summary: SolutionSummary
     created_at: datetime
     annotation: Annotation
 

@@ -24,7 +24,7 @@ from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.query.facts import facts_of
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Part
 from service.storage.annotations import annotations_of, insert_labels, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant, is_id, new_id, optional_instant, rows_of_page
@@ -59,7 +59,7 @@ class SweepStore:
 
     def submit(
         self,
-        document: Document,
+        document: Part,
         *,
         points: int,
         most: int,
@@ -174,12 +174,12 @@ def _row(session: Session, sweep_id: str) -> SweepRow:
     return row
 
 
-def _facts(document: Document) -> Document:
+def _facts(document: Part) -> Part:
     base = document.get("base")
     return facts_of(base) if isinstance(base, Mapping) else {}
 
 
-def _bounds(stored: Document) -> dict[str, tuple[float, float]]:
+def _bounds(stored: Part) -> dict[str, tuple[float, float]]:
     bounds = {}
     for name, pair in stored.items():
         assert isinstance(pair, list)

@@ -50,7 +50,6 @@ def get_citation(
     headers = validator_headers(request, inside, standing)
     solution = inside.solutions.get(solution_id)
     provenance = solution.summary["provenance"]
-    assert isinstance(provenance, Mapping)
     cited = Cited(
         solution.id,
         standing.digest,

@@ -24,7 +24,7 @@ from service.jobs.records import Job, JobState, SweepRecord
 from service.jobs.store import GivenKey
 from service.schemas.query.conditions import in_state
 from service.schemas.reading.annotation import split_annotation
-from service.schemas.reading.documents import Document, Fault
+from service.schemas.reading.documents import Fault, Part
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
@@ -35,7 +35,7 @@ from service.storage.searching.sources import OF_SWEEP_ROWS, chunks_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
-EXAMPLES: Document = {
+EXAMPLES: Part = {
     "grid": {
         "value": {
             "base": {
@@ -97,10 +97,9 @@ async def submit_sweep(
     return await inside.idempotency.once(given, work)
 
 
-def _checked(content: bytes, settings: Settings) -> tuple[dict[str, object], Sweep]:
+def _checked(content: bytes, settings: Settings) -> tuple[Part, Sweep]:
     document = read_json(content)
     sweep = read_sweep(document, max_points=settings.max_sweep_points)
-    assert isinstance(document, dict)
     if sweep.samples > settings.max_samples:
         message = f"{sweep.samples} samples; 1 to {settings.max_samples} are accepted here"
         raise InvalidSweepError([Fault("/base/time", "out_of_range", message)])
@@ -108,13 +107,13 @@ def _checked(content: bytes, settings: Settings) -> tuple[dict[str, object], Swe
 
 
 def _submit(
-    document: dict[str, object],
+    document: Part,
     sweep: Sweep,
     inside: Resources,
     holder: ApiKey | None,
     given: GivenKey | None,
 ) -> Response:
-    priority = _priority(document)
+    priority = int(document.get("priority", 0))
     check_priority(holder, priority, "/priority")
     inside.limits.reserve_points(holder, sweep.points)
     # Labels can be changed later; the document cannot.
@@ -135,12 +134,6 @@ def _submit(
 def _submitted(record: SweepRecord) -> Response:
     headers = {"Location": f"/v1/sweeps/{record.id}"}
     return json_response(sweep_out(record), status=HTTPStatus.ACCEPTED, headers=headers)
-
-
-def _priority(document: Document) -> int:
-    priority = document.get("priority", 0)
-    assert isinstance(priority, int | float)
-    return int(priority)
 
 
 @router.get(
