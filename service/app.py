@@ -22,7 +22,7 @@ from service.api.routing import install
 from service.api.verdicts.examiner import CachedExaminations, Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
-from service.local.wakeup import WakeUp
+from service.local.wakeup import WakeUpSocket
 from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
@@ -56,18 +56,18 @@ _MONITORING = 2
 def create_app(
     settings: Settings,
     *,
-    wake_up: WakeUp | None = None,
+    wake_up_socket: WakeUpSocket | None = None,
     sandbox: Sandbox | None = None,
     local_worker: Callable[[], WorkerStanding] | None = None,
 ) -> FastAPI:
     """Return the application on a migrated database.
 
-    A caller that starts local workers passes ``wake_up``, one that already has a
+    A caller that starts local workers passes ``wake_up_socket``, one that already has a
     sandbox passes ``sandbox``, and the caller closes them; without them the application
-    makes its own, and wakes no workers. ``local_worker`` returns the status of the
+    makes its own, and wake_ups no workers. ``local_worker`` returns the status of the
     local worker process.
     """
-    wake_ups = wake_up or WakeUp()
+    wake_up = wake_up_socket or WakeUpSocket()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
@@ -86,7 +86,7 @@ def create_app(
         sweeps = SweepStore(database)
         poller = ChangePoller(ChangeReader(database), sweeps, documents_of(database, settings))
         events = EventWatcher(poller, capacity=settings.event_streams)
-        wake_ups.when_anything(events.wake, events.stop)
+        wake_up.when_anything(events.wake, events.stop)
         verdicts = VerdictQueue(children, settings, children=verdict_children())
         heavy = HeavyReads(settings, make_room=lambda: bool(app.state.close_one_unread()))
         metrics = Metrics(statistics, version=version_of("polhode"), local_worker=local_worker, kept=kept)
@@ -104,7 +104,7 @@ def create_app(
             examiner=Examiner(verdicts, kept, examinations),
             reading=ReadingThreads(),
             heavy=heavy,
-            wake_up=wake_ups,
+            wake_up=wake_up,
             events=events,
             metrics=metrics,
             metrics_text=SharedAnswer(metrics.text, monitoring),
@@ -135,8 +135,8 @@ def create_app(
             ring.close()
             reads.close()
             database.close()
-            if wake_up is None:
-                wake_ups.close()
+            if wake_up_socket is None:
+                wake_up.close()
 
     # /docs is a page of our own: FastAPI's pages load scripts from other hosts. So is /openapi.json.
     app = FastAPI(title="polhode", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)

@@ -26,7 +26,7 @@ from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
 from service.jobs.kernels import Kernels
 from service.jobs.store import JobStore
-from service.local.wakeup import WakeUp
+from service.local.wakeup import WakeUpSocket
 from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
@@ -103,7 +103,7 @@ class Resources:
     reading: ReadingThreads
     heavy: HeavyReads
     """Places for answers that compute or build much."""
-    wake_up: WakeUp
+    wake_up: WakeUpSocket
     events: EventWatcher
     metrics: Metrics
     keys: KeyRing

@@ -17,11 +17,12 @@ from service.api.replies.responses import refusals
 from service.schemas.atlas.reading import AtlasIn
 from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
 from service.schemas.reading.annotation_in import MarksPatchIn
-from service.schemas.reading.documents import Fault, Part
+from service.schemas.reading.documents import Document, Fault
 from service.schemas.replies.job import ProblemDetailsOut
 from service.schemas.sweep.reading import SweepIn
 from service.versions import version_of
 
+Part = Mapping[str, Any]
 _SCHEME = "key"
 _TEMPLATE = "#/components/schemas/{model}"
 
@@ -60,7 +61,7 @@ _REFUSAL = {
 
 def request_body(
     model: str,
-    examples: Part,
+    examples: Document,
     *,
     several: bool = False,
     required: bool = True,
@@ -178,7 +179,7 @@ REFUSALS: Mapping[int, ApiError] = {
 
 
 @cache
-def recorded() -> Mapping[str, Mapping[str, Mapping[str, Part]]]:
+def recorded() -> Mapping[str, Mapping[str, Mapping[str, Document]]]:
     """Return the recorded answers."""
     found: dict[str, dict[str, dict[str, dict[str, object]]]] = json.loads(RECORDED.read_bytes())
     return found

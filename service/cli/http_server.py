@@ -9,7 +9,7 @@ import uvicorn
 from service.app import create_app
 from service.cli.common import REFUSED
 from service.connections.server import guarded
-from service.local.wakeup import WakeUp
+from service.local.wakeup import WakeUpSocket
 from service.local.workers import LocalWorkers
 from service.logs import announce
 from service.settings import Settings
@@ -24,7 +24,7 @@ _SWITCH_SECONDS = 0.001
 def serve_http(
     settings: Settings,
     listener: socket.socket,
-    wake_up: WakeUp,
+    wake_up: WakeUpSocket,
     workers: LocalWorkers | None,
     verdicts: VerdictChildren,
 ) -> None:
@@ -48,7 +48,9 @@ def serve_http(
         wake_up.when_warm(lambda: announce("the workers are warm"))
         try:
             standing = None if workers is None else workers.standing
-            app = create_app(settings, wake_up=wake_up, sandbox=verdicts.ready(), local_worker=standing)
+            app = create_app(
+                settings, wake_up_socket=wake_up, sandbox=verdicts.ready(), local_worker=standing
+            )
             config, listener = guarded(app, settings, listener)
             server = _Server(config)
             host, port = listener.getsockname()[:2]

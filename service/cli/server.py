@@ -4,7 +4,7 @@ import socket
 
 from service.cli.common import REFUSED, fail, migrate_database
 from service.cli.database import require_key
-from service.local.wakeup import WakeUp
+from service.local.wakeup import WakeUpSocket
 from service.local.workers import LocalWorkers
 from service.logs import start_logging
 from service.sandbox import lack_of_room
@@ -31,7 +31,7 @@ def run_service(settings: Settings) -> None:
     if not settings.is_loopback:
         require_key(settings)
     with _listen(settings.host, settings.port) as listener:
-        wake_up = WakeUp(is_database_ready=False)
+        wake_up = WakeUpSocket(is_database_ready=False)
         workers = LocalWorkers(settings, wake_up) if settings.workers else None
         verdicts = VerdictChildren(settings)
         try:

@@ -22,7 +22,7 @@ _REMEMBERED = 1000
 """Jobs that were reported last: one may have finished before its client began to wait."""
 
 
-class WakeUp:
+class WakeUpSocket:
     """The API's side: wakes workers, and waits for their jobs. Thread-safe.
 
     Parameters
@@ -75,11 +75,11 @@ class WakeUp:
     def notify(self) -> None:
         """Wake every worker: there is a new job, or one was cancelled."""
         with self._lock:
-            for each in self._sockets:
+            for line in self._sockets:
                 # A full buffer is wake-up enough; the thread that reads from a dead worker ends by itself.
                 with contextlib.suppress(OSError):
-                    each.send(b".", socket.MSG_DONTWAIT)
-        self._tell_change()
+                    line.send(b".", socket.MSG_DONTWAIT)
+        self._report_news()
 
     async def wait_for(
         self,
@@ -117,9 +117,9 @@ class WakeUp:
                 self._reported.popitem(last=False)
             for waiter in self._waiting.get(job_id, ()):
                 waiter.tell()
-        self._tell_change()
+        self._report_news()
 
-    def _tell_change(self) -> None:
+    def _report_news(self) -> None:
         if self._tell_news is not None:
             self._tell_news()
 

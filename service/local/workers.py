@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from service.local.wakeup import WakeUp
+from service.local.wakeup import WakeUpSocket
 from service.local.worker_process import worker_command, worker_environment
 from service.settings import Settings
 
@@ -85,7 +85,7 @@ class LocalWorkers:
         The system cannot start the first process.
     """
 
-    def __init__(self, settings: Settings, wake_up: WakeUp) -> None:
+    def __init__(self, settings: Settings, wake_up: WakeUpSocket) -> None:
         self._settings = settings
         self._wake_up = wake_up
         self._stopping = threading.Event()

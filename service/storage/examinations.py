@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from sqlalchemy import Connection, bindparam, delete, func, or_, select
 from sqlalchemy.dialects import postgresql, sqlite
 
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 from service.storage.database.database import Database, is_postgres
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.operations import ExaminationRow
@@ -89,7 +89,7 @@ def _missing(connection: Connection, entries: Iterable[CacheRow]) -> list[CacheR
     return list(wanted.values())
 
 
-def _row(entry: CacheRow) -> Part:
+def _row(entry: CacheRow) -> Document:
     content = entry.content.encode()
     return {
         "key": entry.key,

@@ -1,4 +1,4 @@
-"""A wake-up only saves waiting, and never makes anybody wait for nothing."""
+"""The wake-up socket only saves waiting, and never makes anybody wait for nothing."""
 
 import selectors
 import threading
@@ -8,13 +8,13 @@ from contextlib import contextmanager
 import pytest
 
 from service.local import wakeup
-from service.local.wakeup import WARM, WakeUp, WorkerSocket
+from service.local.wakeup import WARM, WakeUpSocket, WorkerSocket
 from tests.support.waiting import wait_for
 
 
 @pytest.fixture
 def wake_up():
-    wake_up = WakeUp()
+    wake_up = WakeUpSocket()
     yield wake_up
     wake_up.close()
 
@@ -89,7 +89,7 @@ def test_the_wait_ends_at_its_timeout(wake_up):
     assert not wait_for(wake_up, "job-1", is_finished=lambda: False, timeout=0.02)
 
 
-def test_a_line_stays_open_however_often_it_is_rung(wake_up, line):
+def test_a_line_stays_open_however_often_it_is_notified(wake_up, line):
     for _ in range(100_000):  # more than a socket's buffer holds
         wake_up.notify()
     assert line.is_open()
@@ -109,7 +109,7 @@ def test_a_worker_that_died_does_not_disturb_the_others(wake_up, line):
 
 
 @pytest.mark.usefixtures("bell_alone")
-def test_a_closed_bell_makes_nobody_wait(wake_up):
+def test_a_closed_socket_makes_nobody_wait(wake_up):
     """A service that stops answers its waiting clients as things stand."""
     with waiting(wake_up, "job-1", lambda: False) as answer:
         wake_up.close()
@@ -117,7 +117,7 @@ def test_a_closed_bell_makes_nobody_wait(wake_up):
 
 
 def test_a_worker_hears_that_the_database_is_ready_and_nothing_before():
-    wake_up = WakeUp(is_database_ready=False)
+    wake_up = WakeUpSocket(is_database_ready=False)
     early = WorkerSocket(wake_up.new_socket().detach())
     assert heard(early) is False
     wake_up.tell_database_is_ready()

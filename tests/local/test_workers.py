@@ -9,7 +9,7 @@ import threading
 import pytest
 
 from service.app import create_app
-from service.local.wakeup import WakeUp
+from service.local.wakeup import WakeUpSocket
 from service.local.worker_process import WorkerProcess
 from service.local.workers import LocalWorkers, Restarts, WorkerStanding
 from service.settings import Settings
@@ -47,7 +47,7 @@ def keep(monkeypatch):
             return [*command, name, json.dumps(options)]
 
         monkeypatch.setattr("service.local.workers.worker_command", with_options)
-        wake_up = WakeUp()
+        wake_up = WakeUpSocket()
         started.append((LocalWorkers(Settings(workers=1, grace_seconds=0.0), wake_up), wake_up))
         return started[-1][0]
 

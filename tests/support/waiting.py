@@ -4,11 +4,16 @@ import asyncio
 import time
 from collections.abc import Callable
 
-from service.local.wakeup import WakeUp
+from service.local.wakeup import WakeUpSocket
 
 
 def wait_for(
-    wake_up: WakeUp, job_id: str, *, is_finished: Callable[[], bool], timeout: float, is_new: bool = False
+    wake_up: WakeUpSocket,
+    job_id: str,
+    *,
+    is_finished: Callable[[], bool],
+    timeout: float,
+    is_new: bool = False,
 ) -> bool:
     async def look() -> bool:
         return is_finished()

@@ -15,7 +15,7 @@ from typing import TypeVar
 from sqlalchemy import select
 from sqlalchemy.exc import OperationalError
 
-from service.local.wakeup import WakeUp
+from service.local.wakeup import WakeUpSocket
 from service.storage.database.database import Database
 from service.storage.tables.jobs import JobRow
 from tests.workers.forked_process import ForkedProcess
@@ -82,7 +82,7 @@ class Worker:
         url: str,
         *,
         slots: int = 1,
-        wake_up: WakeUp | None = None,
+        wake_up: WakeUpSocket | None = None,
         folder: Path = ROOT,
         clock_shift: float = 0.0,
         begins_with: Sequence[str] = (),

@@ -288,7 +288,7 @@ def _columns(problem: Problem, motion: Motion, dense: DenseOutput) -> dict[str, 
     if not problem.wants_series:
         return {}
     series = {name: motion.samples[:, COLUMNS.index(name)] for name in columns_of(problem.outputs)}
-    return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.rests)}
+    return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.low_parts)}
 
 
 CROSS_CHECK_TOLERANCE = 1e-9

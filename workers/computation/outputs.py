@@ -330,7 +330,7 @@ def errors_of(motion: Motion, attitude: DenseOutput | None) -> dict[str, GroupEr
 
 def errors_of_attitude(motion: Motion, attitude: DenseOutput) -> dict[str, GroupError]:
     """Return the errors of the quaternion and of each angle over the asked times, beside their sizes."""
-    columns = orientation_columns(attitude, motion.times, motion.rests)
+    columns = orientation_columns(attitude, motion.times, motion.low_parts)
     errors = orientation_errors(attitude, motion.times)
     groups = {"quaternion": QUATERNION, **{name: (name,) for name in PRECESSION if name in columns}}
     return {

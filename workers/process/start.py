@@ -307,7 +307,8 @@ def _note_fault(call: Call, faults: list[str]) -> None:
 def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: int | None) -> None:
     """Run one worker in this process until SIGTERM, SIGINT, or the end of the service that started it.
 
-    ``wake_fd`` is the descriptor of a wake-up socket from :class:`service.local.wakeup.WakeUp`. With one,
+    ``wake_fd`` is the descriptor of a wake-up socket from
+    :class:`service.local.wakeup.WakeUpSocket`. With one,
     the children start and warm up while the service still migrates the database.
 
     Raises

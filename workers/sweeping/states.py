@@ -298,7 +298,7 @@ class StateSolver:
                 self._run_request.check,
                 request,
                 times,
-                self._times.rests,
+                self._times.low_parts,
             )
             is_held = runs.endings == VERIFIED
             indices = group.indices[left[is_held]]

@@ -2,14 +2,14 @@
 
 from service.jobs.records import Job, JobKind, JobState, SweepProgress, SweepRecord
 from service.schemas.reading.annotation import Annotation
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 from service.schemas.replies.job import JobOut
 from service.schemas.replies.solution import AuditOut, ComparisonOut, SolutionOut
 from service.schemas.replies.sweep import SweepOut, SweepStateOut
 from service.storage.solutions.audit_store import Audit
 from service.storage.solutions.solution_store import Solution
 
-_ADDED_LATER: Part = {"asymptotes": None, "precession": None, "warnings": [], "errors": None}
+_ADDED_LATER: Document = {"asymptotes": None, "precession": None, "warnings": [], "errors": None}
 """Fields that solutions stored by the first version lack."""
 
 
@@ -77,7 +77,7 @@ def sweep_state_out(record: SweepProgress) -> SweepStateOut:
     return SweepStateOut.model_validate(_state(record))
 
 
-def _state(record: SweepProgress) -> Part:
+def _state(record: SweepProgress) -> Document:
     return {
         "id": record.id,
         "state": record.state.value,
@@ -96,5 +96,5 @@ def _state(record: SweepProgress) -> Part:
     }
 
 
-def _annotation(annotation: Annotation) -> Part:
+def _annotation(annotation: Annotation) -> Document:
     return {"labels": dict(annotation.labels), "note": annotation.note}

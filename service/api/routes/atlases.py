@@ -34,7 +34,7 @@ from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.problem.problem import problem_digest
 from service.schemas.query.conditions import in_state
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import JobOut, JobPageOut
 from service.storage.searching.sources import OF_ATLAS_ROWS
@@ -42,7 +42,7 @@ from service.verdicts.atlases import examine_atlas, examine_setting
 
 router = APIRouter(prefix="/v1/atlases", tags=["validations"])
 
-EXAMPLES: Part = {
+EXAMPLES: Document = {
     "three terms": {
         "value": {
             "body": {"A": 2, "C": 1},
@@ -131,7 +131,7 @@ async def draw_atlas(
 class _Checked:
     """A valid document."""
 
-    document: Part
+    document: Document
     text: str
     wants_stability: bool
 

@@ -21,7 +21,7 @@ from service.jobs.keys import ApiKey
 from service.jobs.records import Job, SweepRecord
 from service.schemas.reading.annotation import MOST_LABELS, Annotation, patched
 from service.schemas.reading.annotation_in import MarksPatchIn
-from service.schemas.reading.documents import Fault, InvalidProblemError, Part
+from service.schemas.reading.documents import Document, Fault, InvalidProblemError, Part
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.job import JobOut
 from service.schemas.replies.response_model import ResponseModel
@@ -39,7 +39,7 @@ router = APIRouter(prefix="/v1")
 Annotatable = TypeVar("Annotatable", Job, Solution, SweepRecord)
 Owned = TypeVar("Owned", Job, SweepRecord)
 
-EXAMPLES: Part = {
+EXAMPLES: Document = {
     "change": {"value": {"labels": {"project": "thesis", "draft": None}, "note": "figure 3"}},
     "remove": {"value": {"labels": None, "note": None}},
 }

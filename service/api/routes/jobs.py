@@ -36,7 +36,7 @@ from service.jobs.queue import Lane
 from service.jobs.records import Job, JobPage, JobState
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery, in_state
-from service.schemas.reading.documents import Part, first_of
+from service.schemas.reading.documents import Document, first_of
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
 from service.settings import Settings
@@ -44,7 +44,7 @@ from service.storage.searching.sources import OF_JOB_ROWS
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
-EXAMPLES: Part = {
+EXAMPLES: Document = {
     "quadrature": {
         "value": {
             "body": {"A": 2, "B": "3/2", "C": 1},

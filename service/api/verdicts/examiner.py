@@ -24,7 +24,7 @@ from service.schemas.problem.budgets import choose_tier, with_tier
 from service.schemas.problem.problem import check_problem, problem_digest
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.schemas.reading.documents import Fault, Part
+from service.schemas.reading.documents import Document, Fault, Part
 from service.storage.examinations import ExaminationStore
 from service.typesetting.equations import Format
 from service.verdicts.cache_rows import CacheRow, Examination, ExaminationKeys
@@ -103,7 +103,7 @@ def verdict_in(answer: Part) -> Part | None:
     return verdict
 
 
-def _refusal(error: Part) -> ApiError:
+def _refusal(error: Document) -> ApiError:
     extras = dict(error)
     code, detail, pointer = (str(extras.pop(name)) for name in ("code", "detail", "pointer"))
     given = extras.pop("faults", None)
@@ -116,7 +116,7 @@ def _refusal(error: Part) -> ApiError:
 
 async def examine_with_formulas(
     verdicts: VerdictQueue,
-    document: Part,
+    document: Document,
     formats: Sequence[Format],
     claimant: Claimant,
     *,

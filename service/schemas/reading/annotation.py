@@ -27,7 +27,7 @@ UNANNOTATED = Annotation()
 
 
 def split_annotation(document: Mapping[str, object]) -> tuple[Document, Annotation]:
-    """Return a valid document without its annotation, and the annotation."""
+    """Return a valid document without its labels and note, and these."""
     rest = {name: value for name, value in document.items() if name not in FIELDS}
     return rest, patched(UNANNOTATED, {name: document[name] for name in FIELDS if name in document})
 

@@ -14,6 +14,7 @@ from service.dynamics.exact import NumberBeyondDoubles, is_zero_text
 
 Part = Mapping[str, Any]
 """A document that was read from JSON, or an object in it."""
+
 Document = dict[str, object]
 """A document that is written."""
 

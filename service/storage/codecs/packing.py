@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.solution.dense_output import Advance, DenseOutput, Period
 from service.jobs.records import ChunkOutcome
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 
 FloatArray = NDArray[np.float64]
 
@@ -185,12 +185,12 @@ def _unshuffle(body: bytes, shape: tuple[int, ...]) -> FloatArray:
     return np.asarray(flat.reshape(shape, order="F"), order="C")
 
 
-def encode_document(document: Part) -> bytes:
+def encode_document(document: Document) -> bytes:
     """Return the document as bytes (RFC 1950, whose last four are the checksum)."""
     return zlib.compress(json.dumps(document, allow_nan=False, separators=(",", ":")).encode())
 
 
-def decode_document(data: bytes) -> Part:
+def decode_document(data: bytes) -> Document:
     """Return an encoded document, or raise :class:`~service.storage.codecs.packing.CodecError`."""
     try:
         document = json.loads(zlib.decompress(data))

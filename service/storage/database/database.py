@@ -29,7 +29,7 @@ from sqlalchemy import Connection, Engine, create_engine, event, exc, make_url
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 from service.storage.database.availability import is_stopped
 from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFile, DatabaseFileError, file_of
 
@@ -287,7 +287,7 @@ def _watch(engine: Engine, file: DatabaseFile | None, *, create: bool) -> None:
     event.listen(engine, "checkout", check)
 
 
-def _arguments(url: str) -> Part:
+def _arguments(url: str) -> Document:
     """Return the time limits and the encoding of a new connection, except those given in the URL."""
     asked = make_url(url)
     arguments: dict[str, dict[str, object]] = {

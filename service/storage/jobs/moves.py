@@ -22,7 +22,7 @@ from service.jobs.records import (
     pause_after,
     sources,
 )
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 from service.storage.database.rows import database_now
 from service.storage.jobs.records import attempt_of
 from service.storage.tables.base import DatabaseNow, table_of
@@ -149,7 +149,7 @@ def history(session: Session, job_id: str) -> tuple[Attempt, ...]:
     return tuple(attempt_of(row) for row in session.scalars(statement))
 
 
-def _lost_worker_error(history: Sequence[Attempt], losses: int) -> Part:
+def _lost_worker_error(history: Sequence[Attempt], losses: int) -> Document:
     return {
         "code": "lost_worker",
         "detail": f"{losses} workers or their child processes died at this job; it is not tried again",

@@ -25,7 +25,7 @@ from sqlalchemy import (
 
 from service.jobs.queue import Lane
 from service.jobs.records import JobKind, JobState
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 from service.storage.database.database import Database
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
@@ -49,10 +49,10 @@ def first_jobs(
 ) -> list[str] | None:
     """Lock the first jobs of the queue that are ready, and return their ids in order; None without any.
 
-    The order is: first one job of each lane that is ``starved`` one; then by larger priority, earlier
+    The order is: first one job of each of the ``starved`` lanes; then by larger priority, earlier
     lane, smaller turn, older job of a key. Where these at most ``count`` jobs are problems,
     ``together`` of them may take the place of one: the next ones of the same priority, and of the
-    same lane, if that is starved one.
+    same lane, if that is owed one.
     """
     chosen = _Chosen(connection)
     for_lanes = sum(chosen.add(1, 1, lane, together) for lane in starved[:count])
@@ -123,7 +123,7 @@ class _Chosen:
                     self._take(row)
         return bool(head)
 
-    def _rows(self, which: _Which, values: Part) -> Sequence[Row[*tuple[Any, ...]]]:
+    def _rows(self, which: _Which, values: Document) -> Sequence[Row[*tuple[Any, ...]]]:
         return self._connection.execute(_STATEMENTS[which], values).all()
 
     def _take(self, row: Row[*tuple[Any, ...]]) -> None:

@@ -7,7 +7,7 @@ from service.jobs.records import AtlasNotFoundError, Job, JobKind, JobPage
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import UNANNOTATED
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 from service.storage.codecs.packing import decode_document
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
@@ -30,7 +30,7 @@ class AtlasStore:
 
     def submit(
         self,
-        document: Part,
+        document: Document,
         digest: str,
         *,
         priority: int = 0,
@@ -56,7 +56,7 @@ class AtlasStore:
                 write_key(session.connection(), receipt.given, receipt.answer((job,)))
             return job
 
-    def get(self, atlas_id: str) -> Part:
+    def get(self, atlas_id: str) -> Document:
         """Return an atlas, or raise :class:`AtlasNotFoundError`."""
         with self._database.read() as session:
             row = session.get(AtlasRow, atlas_id) if is_id(atlas_id) else None

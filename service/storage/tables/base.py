@@ -15,7 +15,7 @@ from sqlalchemy.orm import DeclarativeBase
 from sqlalchemy.sql.compiler import SQLCompiler
 from sqlalchemy.sql.functions import FunctionElement
 
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 
 ASKED_DOCUMENT = JSON(none_as_null=True).with_variant(JSONB(none_as_null=True), "postgresql")
 """A small flat document whose values conditions compare: on Postgres parsed once, when it is written."""
@@ -37,7 +37,7 @@ class Base(DeclarativeBase):
         str: String(64),
         float: Double(),
         bytes: LargeBinary(),
-        Part: JSON(),
+        Document: JSON(),
     }
 
 

@@ -6,7 +6,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, JobKind, JobState
 from service.schemas.reading.annotation import LONGEST_NOTE
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Word
 from service.storage.tables.solutions import SolutionRow
 from service.storage.tables.sweeps import SweepRow
@@ -66,7 +66,7 @@ class JobRow(Base):
     alone: Mapped[bool] = mapped_column(default=False, server_default=false())
     """It is claimed for a child that computes nothing else: then the loss of its worker counts."""
     progress: Mapped[float] = mapped_column(default=0.0)
-    error: Mapped[Part | None] = mapped_column(JSON(none_as_null=True))
+    error: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
     reused: Mapped[bool] = mapped_column(default=False)
     solution_id: Mapped[str | None] = mapped_column(
         Uuid(as_uuid=False), ForeignKey("solutions.id"), index=True
@@ -76,13 +76,13 @@ class JobRow(Base):
     )
     key_id: Mapped[str | None] = mapped_column(Uuid(as_uuid=False))
     """The API key that submitted it; not a foreign key, so that API keys can be removed."""
-    problem: Mapped[Part]
+    problem: Mapped[Document]
     """The problem document; for a chunk {"first": index, "count": points}."""
     examination: Mapped[str | None]
     """Key of the cached windows of its curve; not a foreign key, so that these can be trimmed."""
     examined_seconds: Mapped[float | None]
     """Seconds that its examination took; null without one."""
-    facts: Mapped[Part | None] = mapped_column(ASKED_DOCUMENT)
+    facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
     """Family and numbers of the problem, for conditions; a chunk has none."""
     digest: Mapped[str]
     owner: Mapped[str | None] = mapped_column(String(128))
@@ -141,5 +141,5 @@ class AuditRow(Base):
         Uuid(as_uuid=False), ForeignKey(SolutionRow.id, ondelete="CASCADE"), index=True
     )
     """The audited solution, not the one that the job makes."""
-    comparison: Mapped[Part | None] = mapped_column(JSON(none_as_null=True))
+    comparison: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
     """The comparison of the two solutions; null as long as there is no second one."""

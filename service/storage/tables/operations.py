@@ -4,7 +4,7 @@ from sqlalchemy import JSON, BigInteger, String, Uuid, true
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.keys import Role
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 from service.storage.tables.base import Base, Word
 
 
@@ -45,7 +45,7 @@ class WorkerRow(Base):
     seen_at: Mapped[float]
     is_warm: Mapped[bool] = mapped_column(default=True, server_default=true())
     """It has loaded all that any job needs, or has logged why it could not."""
-    kernels: Mapped[Part | None] = mapped_column(JSON(none_as_null=True))
+    kernels: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
     """How far they are compiled, see :class:`service.jobs.kernels.Kernels`; null: there is nothing to do."""
 
 
@@ -59,7 +59,7 @@ class IdempotencyKeyRow(Base):
     key: Mapped[str] = mapped_column(String(255), primary_key=True)
     fingerprint: Mapped[str]
     status: Mapped[int]
-    headers: Mapped[Part]
+    headers: Mapped[Document]
     body: Mapped[bytes]
     created_at: Mapped[float] = mapped_column(index=True)
 
@@ -71,7 +71,7 @@ class CalibrationRow(Base):
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
     created_at: Mapped[float] = mapped_column(index=True)
-    document: Mapped[Part]
+    document: Mapped[Document]
 
 
 class ExaminationRow(Base):

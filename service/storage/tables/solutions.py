@@ -6,7 +6,7 @@ from sqlalchemy import JSON, ForeignKey, Index, PrimaryKeyConstraint, String, Te
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.schemas.reading.annotation import LONGEST_NOTE
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 from service.schemas.replies.summary import SolutionSummary
 from service.storage.tables.base import ASKED_DOCUMENT, Base
 
@@ -63,11 +63,11 @@ class SolutionRow(AskedColumns, Base):
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
     job_id: Mapped[str] = mapped_column(Uuid(as_uuid=False), unique=True)
     digest: Mapped[str] = mapped_column(index=True)
-    facts: Mapped[Part | None] = mapped_column(ASKED_DOCUMENT)
+    facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
     """The numbers of the problem by JSON pointer: see :mod:`service.schemas.query.facts`."""
     note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
     # After all that is short: on SQLite what is read of a row costs what stands before it.
-    problem: Mapped[Part] = mapped_column(sort_order=1)
+    problem: Mapped[Document] = mapped_column(sort_order=1)
     summary: Mapped[SolutionSummary] = mapped_column(JSON(), sort_order=1)
 
 

@@ -5,7 +5,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.records import JobState
 from service.schemas.reading.annotation import LONGEST_NOTE
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document
 from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Word
 
 
@@ -22,8 +22,8 @@ class SweepRow(Base):
 
     id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
     state: Mapped[str] = mapped_column(Word(JobState))
-    document: Mapped[Part]
-    facts: Mapped[Part | None] = mapped_column(ASKED_DOCUMENT)
+    document: Mapped[Document]
+    facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
     """Family and numbers of the base, for conditions."""
     points: Mapped[int] = mapped_column(BigInteger)
     next_index: Mapped[int] = mapped_column(BigInteger, default=0)
@@ -37,7 +37,7 @@ class SweepRow(Base):
     """Seconds a point took, as last measured."""
     priority: Mapped[int] = mapped_column(default=0)
     key_id: Mapped[str | None] = mapped_column(Uuid(as_uuid=False), index=True)
-    error: Mapped[Part | None] = mapped_column(JSON(none_as_null=True))
+    error: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
     created_at: Mapped[float]
     started_at: Mapped[float | None]
     finished_at: Mapped[float | None]
@@ -62,6 +62,6 @@ class SweepChunkRow(Base):
     first: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
     count: Mapped[int]
     refused: Mapped[int]
-    bounds: Mapped[Part]
+    bounds: Mapped[Document]
     """{number: [smallest, largest]} of the kept numbers: a filter skips chunks without reading them."""
     data: Mapped[bytes]

@@ -65,7 +65,7 @@ def test_waiting_ends_with_the_job(client, app, jobs):
     def ring():
         worker.start()
 
-    # A worker is notified when the job is stored: then a worker takes it.
+    # The wake-up socket is notified when the job is stored: then a worker takes it.
     worker = threading.Thread(target=work)
     app.state.resources.wake_up.notify = ring
     response = submit(client, Prefer="respond-async, wait=30")

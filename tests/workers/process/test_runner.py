@@ -6,7 +6,7 @@ import signal
 import pytest
 
 from service.jobs.records import AttemptOutcome, JobState
-from service.local.wakeup import WakeUp
+from service.local.wakeup import WakeUpSocket
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.lists import list_jobs
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.any_database
 
 @pytest.fixture
 def wake_up():
-    wake_up = WakeUp()
+    wake_up = WakeUpSocket()
     yield wake_up
     wake_up.close()
 
@@ -154,7 +154,7 @@ def test_a_worker_stops_with_the_service_that_started_it(jobs, wake_up, start_wo
     assert worker.process.wait(timeout=PATIENCE) == 0
 
 
-def test_the_bell_spares_the_poll_interval(jobs, wake_up, start_worker):
+def test_the_wake_up_socket_spares_the_poll_interval(jobs, wake_up, start_worker):
     start_worker(wake_up=wake_up, poll_seconds=3600)
     first = jobs.submit({}, "0")
     wake_up.notify()

@@ -20,12 +20,12 @@ from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import Period
 from workers.solvers.compiled.batch import NO_TIMES, BatchResult, bounds_of
-from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.frame import Frame, make_frame
 from workers.solvers.compiled.rational.roots import Radicand, curve_of, expansion_of, radicand_of
 from workers.solvers.compiled.records import FOUND, Records, copied, new_records
 from workers.solvers.compiled.solve import solve_rational
 from workers.solvers.compiled.time_map.sampling import sample_one
+from workers.solvers.compiled.workspace import WORKSPACE
 from workers.sweeping.parameters.family import SweepFamily
 from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, pass_a_pole
 
@@ -107,7 +107,11 @@ class _Found:
 
     def __init__(self, loops: Records, sampling: Sampling) -> None:
         sets = len(loops)
-        self._loops, self._about, self._desk = copied(loops), new_records(FOUND, sets), new_records(DESK)
+        self._loops, self._about, self._workspace = (
+            copied(loops),
+            new_records(FOUND, sets),
+            new_records(WORKSPACE),
+        )
         self._about["panels"] = 0
         self._sampling = sampling
         is_shared = sampling.has_times and not isinstance(sampling.time, TimePeriods)
@@ -129,7 +133,7 @@ class _Found:
         columns = self._sampling.columns
         if len(columns):
             rows = self._samples[n]
-            sample_one(run.loops, run.panels, times.doubles, times.rests, columns, self._desk, rows)
+            sample_one(run.loops, run.panels, times.doubles, times.low_parts, columns, self._workspace, rows)
 
     def result(self) -> BlockResult:
         """Return all of them."""

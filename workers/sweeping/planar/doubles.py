@@ -14,13 +14,13 @@ from service.dynamics.problem import PlanarMotion, StartAtPoint, TimeList, TimeP
 from service.dynamics.sampling import SampleTimes, sample_times, sample_times_of_each
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.compiled.batch import NO_TIMES, Batch, Tier, bounds_of, solve_batch
-from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.evaluation.program import Program
 from workers.solvers.compiled.frame import logarithm_of, make_frame, with_rests
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.compiled.records import FOUND, Found, Records, copied, new_records
 from workers.solvers.compiled.solve import START_ULPS, is_kept
 from workers.solvers.compiled.time_map.sampling import sample_one
+from workers.solvers.compiled.workspace import WORKSPACE
 from workers.solvers.units import Units
 
 FloatArray = NDArray[np.float64]
@@ -195,7 +195,7 @@ def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArr
     assert not isinstance(first, TimeList)
     times = np.full((sets, first.samples), np.nan)
     samples = np.full((*times.shape, len(batch.columns)), np.nan)
-    loops, found, desk = copied(batch.loops), new_records(FOUND, sets), new_records(DESK)
+    loops, found, workspace = copied(batch.loops), new_records(FOUND, sets), new_records(WORKSPACE)
     for n in range(sets):
         one = slice(n, n + 1)
         rests = None if batch.rests is None else batch.rests[one]
@@ -208,7 +208,7 @@ def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArr
             times[n] = asked.doubles
             if not len(batch.columns):
                 continue
-            sample_one(run.loops, run.panels, times[n], asked.rests, batch.columns, desk, samples[n])
+            sample_one(run.loops, run.panels, times[n], asked.low_parts, batch.columns, workspace, samples[n])
     return _solved(loops, found, late, np.abs(times).max(axis=1), times, samples)
 
 

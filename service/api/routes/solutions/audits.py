@@ -27,7 +27,7 @@ from service.api.verdicts.examiner import Submission
 from service.jobs.records import Job
 from service.jobs.store import Receipt
 from service.schemas.problem.documents import MEMBERS, AuditIn, audited_problem
-from service.schemas.reading.documents import InvalidProblemError, Part
+from service.schemas.reading.documents import Document, InvalidProblemError, Part
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import AuditOut, AuditPageOut
@@ -38,7 +38,7 @@ from service.storage.solutions.standing import standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
-EXAMPLES: Part = {
+EXAMPLES: Document = {
     "the same": {"value": {}},
     "another tier and method": {"value": {"accuracy": {"tier": "high"}, "method": "quadrature"}},
 }

@@ -24,7 +24,7 @@ from service.jobs.records import Job, JobState, SweepRecord
 from service.jobs.store import GivenKey
 from service.schemas.query.conditions import in_state
 from service.schemas.reading.annotation import split_annotation
-from service.schemas.reading.documents import Fault, Part
+from service.schemas.reading.documents import Document, Fault, Part
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
@@ -35,7 +35,7 @@ from service.storage.searching.sources import OF_SWEEP_ROWS, chunks_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
-EXAMPLES: Part = {
+EXAMPLES: Document = {
     "grid": {
         "value": {
             "base": {

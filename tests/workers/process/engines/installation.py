@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sqlalchemy import text
 
-from service.local.wakeup import WakeUp
+from service.local.wakeup import WakeUpSocket
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.queue import announce
@@ -28,7 +28,7 @@ class Installation:
         self.jobs = SqlJobStore(self.database)
         self.solutions = SolutionStore(self.database)
         self.sweeps = SweepStore(self.database)
-        self.wake_up = WakeUp()
+        self.wake_up = WakeUpSocket()
         self._workers: list[Worker] = []
 
     def start_worker(self, host: int = 1, **options: object) -> Worker:
