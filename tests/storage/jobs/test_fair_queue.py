@@ -95,7 +95,7 @@ def test_problems_are_taken_together_in_order_and_nothing_else_is(jobs, sweeps, 
     # Not across priorities: a chunk may be more urgent than the problems that follow.
     assert taken(1, 5) == urgent
     assert taken(1, 3) == singles[:3]
-    # A lane that is owed a job gets as many as one place takes, and the other place what comes first.
+    # A lane that is starved a job gets as many as one place takes, and the other place what comes first.
     assert taken(2, 2, (Lane.LIST,)) == [*listed[:2], singles[3]]
     assert [taken(1, 5), taken(1, 5)] == [listed[2:], ["chunk"]]
     (last,) = submit()
