@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from service import terminal
 from service.cli import commands
 from service.terminal import STANDARD_STREAM, FileFaultError, OutputFile, check_writable
-from workers.cli.main import main as run_worker
+from tests.support.commands import polhode
 
 ROOT = Path(__file__).parents[1]
 EXAMPLE = ROOT / "examples" / "bobylev-steklov.json"
@@ -35,7 +35,7 @@ def read(request, capsys):
     def command(*arguments):
         if request.param == "validate":
             return validate(*arguments)
-        code = run_worker([request.param, *map(str, arguments)])
+        code = polhode(request.param, *arguments)
         out, err = capsys.readouterr()
         assert out == ""
         return code, err
@@ -124,7 +124,7 @@ def no_computation(monkeypatch):
         raise AssertionError("it has computed")
 
     monkeypatch.setattr("workers.cli.documents._compute", compute)
-    monkeypatch.setattr("workers.cli.sweep.Crew", compute)
+    monkeypatch.setattr("workers.cli.sweep.LocalPool", compute)
 
 
 @pytest.mark.parametrize(("name", "reason"), OUTPUT_FAULTS)
@@ -133,22 +133,22 @@ def test_an_output_that_cannot_be_written_is_told_before_anything_is_computed(
 ):
     (tmp_path / "file").touch()
     out = tmp_path / name
-    assert run_worker(["solve", str(EXAMPLE), "--csv", str(out)]) == 1
+    assert polhode("solve", EXAMPLE, "--csv", out) == 1
     assert capsys.readouterr() == ("", f"{out}: {reason}\n")
     points = tmp_path / "points.csv"
     sweep = ROOT / "examples" / "sweep.json"
     if name == ".":
         points.mkdir()
-        assert run_worker(["sweep", str(sweep), "--out", str(points)]) == 1
+        assert polhode("sweep", sweep, "--out", points) == 1
         assert capsys.readouterr() == ("", f"{points}: {reason}\n")
     else:
-        assert run_worker(["sweep", str(sweep), "--out", str(out)]) == 1
+        assert polhode("sweep", sweep, "--out", out) == 1
         assert capsys.readouterr() == ("", f"{out}: {reason}\n")
 
 
 @pytest.mark.parametrize(("command", "option"), [("solve", "--csv"), ("sweep", "--out")])
 def test_one_stream_holds_one_answer(command, option, capsys, no_computation):
-    assert run_worker([command, str(EXAMPLE), "--json", option, "-"]) == 2
+    assert polhode(command, EXAMPLE, "--json", option, "-") == 2
     out, err = capsys.readouterr()
     assert (out, len(err.splitlines())) == ("", 1)
     assert "stdout" in err
@@ -179,7 +179,7 @@ def test_a_full_disk_is_told():
 
 
 def test_samples_go_to_stdout_and_the_description_to_people(capfd):
-    assert run_worker(["solve", str(EXAMPLE), "--csv", "-"]) == 0
+    assert polhode("solve", EXAMPLE, "--csv", "-") == 0
     out, err = capfd.readouterr()
     assert out.startswith("t,p,q,r,g1,g2,g3\n0.0,")
     assert len(out.splitlines()) == 202
@@ -227,8 +227,8 @@ def test_the_version_is_told():
 
 def test_settings_that_cannot_be_are_one_line_on_every_command(monkeypatch, capsys):
     monkeypatch.setenv("POLHODE_JOB_SECONDS", "soon")
-    for arguments in (["run"], ["solve", str(EXAMPLE)], ["sweep", str(EXAMPLE)], ["doctor"], ["calibrate"]):
-        assert run_worker(arguments) == 2
+    for arguments in (["worker"], ["solve", EXAMPLE], ["sweep", EXAMPLE], ["doctor"], ["calibrate"]):
+        assert polhode(*arguments) == 2
         out, err = capsys.readouterr()
         assert (out, len(err.splitlines())) == ("", 1)
         assert err.startswith("job_seconds: ")

@@ -17,7 +17,7 @@ from fastapi import Depends, Request
 
 from service.api.events.watcher import EventWatcher
 from service.api.heavy_reads import HeavyReads
-from service.api.keys.idempotency import IdempotencyDesk
+from service.api.keys.idempotency import IdempotencyGuard
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
@@ -26,12 +26,12 @@ from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
 from service.jobs.kernels import Kernels
 from service.jobs.store import JobStore
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
+from service.storage.database.cached_reads import CachedReads
 from service.storage.database.database import Database
-from service.storage.database.remembered import Remembered
 from service.storage.jobs.worker_registry import WorkersState
 from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
@@ -103,15 +103,15 @@ class Resources:
     reading: ReadingThreads
     heavy: HeavyReads
     """Places for answers that compute or build much."""
-    doorbell: Doorbell
+    wake_up: WakeUpSocket
     events: EventWatcher
     metrics: Metrics
     keys: KeyRing
     limits: LimitGuard
-    idempotency: IdempotencyDesk
+    idempotency: IdempotencyGuard
     answers: Cache[str, bytes]
     """Bytes of answers that were written before, by their entity tags: one names exactly one content."""
-    remembered: Remembered
+    reads: CachedReads
     presence: ServicePresence
     """Keeps the presence row of this service, and knows whether the database can be written to."""
     waiting: threading.BoundedSemaphore

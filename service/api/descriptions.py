@@ -16,12 +16,13 @@ from service.api.replies.errors import MEDIA_TYPE, ApiError
 from service.api.replies.responses import refusals
 from service.schemas.atlas.reading import AtlasIn
 from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
-from service.schemas.reading.documents import Fault
-from service.schemas.reading.marks_in import MarksPatchIn
+from service.schemas.reading.annotation_in import MarksPatchIn
+from service.schemas.reading.documents import Document, Fault
 from service.schemas.replies.job import ProblemDetailsOut
 from service.schemas.sweep.reading import SweepIn
 from service.versions import version_of
 
+Part = Mapping[str, Any]
 _SCHEME = "key"
 _TEMPLATE = "#/components/schemas/{model}"
 
@@ -60,12 +61,12 @@ _REFUSAL = {
 
 def request_body(
     model: str,
-    examples: Mapping[str, object],
+    examples: Document,
     *,
     several: bool = False,
     required: bool = True,
     media_types: Sequence[str] = ("application/json",),
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Return the OpenAPI extension of an endpoint whose JSON body is ``model``, or ``several`` of them."""
     schema: dict[str, object] = {"$ref": _TEMPLATE.format(model=model)}
     if several:
@@ -74,9 +75,9 @@ def request_body(
     return {"requestBody": {"required": required, "content": content}}
 
 
-def describe(app: FastAPI) -> dict[str, object]:
+def describe(app: FastAPI) -> dict[str, Any]:
     """Return the OpenAPI document of ``app``, with the models of bodies and refusals."""
-    document: dict[str, object] = get_openapi(
+    document: dict[str, Any] = get_openapi(
         title="polhode", version=version_of("polhode"), description=DESCRIPTION, routes=app.routes
     )
     _, definitions = models_json_schema(
@@ -93,7 +94,6 @@ def describe(app: FastAPI) -> dict[str, object]:
     )
     _describe_refusals(definitions["$defs"])
     components = document.setdefault("components", {})
-    assert isinstance(components, dict)
     schemas = components.setdefault("schemas", {})
     schemas.update(definitions["$defs"])
     components["schemas"] = dict(sorted(schemas.items()))
@@ -106,20 +106,17 @@ def describe(app: FastAPI) -> dict[str, object]:
     }
     _describe_access(document)
     _describe_conditions(document)
-    paths = document["paths"]
-    assert isinstance(paths, dict)
-    describe_links(paths)
+    describe_links(document["paths"])
     describe_examples(document)
     return document
 
 
-def _describe_refusals(schemas: dict[str, dict[str, object]]) -> None:
+def _describe_refusals(schemas: dict[str, dict[str, Any]]) -> None:
     """Add what pydantic cannot express: required fields of refusals, and refusals inside a list's answer."""
     problem = schemas["ProblemDetailsOut"]
     problem["required"] = ["type", "title", "status", "detail"]
     problem["examples"] = [_REFUSAL]
     properties = schemas["JobItemOut"]["properties"]
-    assert isinstance(properties, dict)
     refusal = {"$ref": _TEMPLATE.format(model="ProblemDetailsOut")}
     properties["problem"] = {
         "anyOf": [refusal, {"type": "null"}],
@@ -127,13 +124,11 @@ def _describe_refusals(schemas: dict[str, dict[str, object]]) -> None:
     }
 
 
-def _describe_access(document: Mapping[str, object]) -> None:
+def _describe_access(document: Part) -> None:
     """Add to every operation the role it needs, and the refusals common to all."""
-    paths = document["paths"]
-    assert isinstance(paths, dict)
     for_all = {str(status): entry for status, entry in refusals(500).items()}
     with_keys = {str(status): entry for status, entry in refusals(401, 403, 429, 503).items()}
-    for path, operations in paths.items():
+    for path, operations in document["paths"].items():
         for method, operation in operations.items():
             role = ACCESS[path][method.upper()]
             further = for_all if role is OPEN else {**for_all, **with_keys}
@@ -141,11 +136,9 @@ def _describe_access(document: Mapping[str, object]) -> None:
             operation["responses"] = dict(sorted({**further, **operation["responses"]}.items()))
 
 
-def _describe_conditions(document: Mapping[str, object]) -> None:
+def _describe_conditions(document: Part) -> None:
     """Add to every GET whose answer has a tag how to ask again."""
-    paths = document["paths"]
-    assert isinstance(paths, dict)
-    for path, operations in paths.items():
+    for path, operations in document["paths"].items():
         if "get" not in operations or path in VOLATILE:
             continue
         operation = operations["get"]
@@ -186,7 +179,7 @@ REFUSALS: Mapping[int, ApiError] = {
 
 
 @cache
-def recorded() -> Mapping[str, Mapping[str, Mapping[str, Mapping[str, object]]]]:
+def recorded() -> Mapping[str, Mapping[str, Mapping[str, Document]]]:
     """Return the recorded answers."""
     found: dict[str, dict[str, dict[str, dict[str, object]]]] = json.loads(RECORDED.read_bytes())
     return found
@@ -208,8 +201,6 @@ def describe_examples(document: dict[str, Any]) -> None:
                     elif named := given.get(status, {}).get(media_type):
                         content["examples"] = {name: {"value": value} for name, value in named.items()}
 
-
-Part = Mapping[str, Any]
 
 LEADS_TO: Mapping[str, Mapping[str, str]] = {
     "JobOut": {"job_id": "/id", "solution_id": "/solution"},

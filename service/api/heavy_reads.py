@@ -1,13 +1,13 @@
-"""Places for reads that compute or build much, so that reading stops nobody.
+"""Slots for reads that compute or build much, so that reading stops nobody.
 
 Text is written under the interpreter's lock: more threads would not be faster, they would only take it from
 all others. So few reads compute at the same time, and what they have made and is not sent yet is bounded.
 
-- A place is held while something is computed, not while it is sent: a client that does not read holds none.
+- A slot is held while something is computed, not while it is sent: a client that does not read holds none.
 - Keys take turns; without keys, connections do. Of each the parts of its answers come in their order.
 - What waits to be sent has a budget of bytes, of which one key may use half. Where it is used up, the
   connection that has not read for longest is closed; if all read, the next answer is refused.
-- If its client has gone, a read leaves the line, or stops at its next statement, or in the midst of one.
+- If its client has gone, a read leaves the queue, or stops at its next statement, or in the midst of one.
 
 All methods are called on the event loop.
 """
@@ -34,7 +34,7 @@ from service.storage.database.database import WantedRead
 T = TypeVar("T")
 
 WAITING = 64
-"""Answers that may wait for their first part; one key may use half of the places."""
+"""Answers that may wait for their first part; one key may use half of these positions."""
 WAIT_SECONDS = 10.0
 """How long one waits at most."""
 RETRY_SECONDS = 2
@@ -56,7 +56,7 @@ class Reader:
 
 
 class HeavyReads:
-    """The places, and the budget.
+    """The slots, and the budget.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class HeavyReads:
         self._free, self._budget = settings.reading_places, settings.reading_mb * 10**6
         self._make_room = make_room
         self._threads = ThreadPoolExecutor(settings.reading_places, thread_name_prefix="reading")
-        self._lines: OrderedDict[Reader, deque[asyncio.Future[None]]] = OrderedDict()
+        self._queues: OrderedDict[Reader, deque[asyncio.Future[None]]] = OrderedDict()
         """The waiting reads, by the order of turns; the reader that was served last is at the end."""
         self._firsts: dict[Reader, int] = {}
         """How many answers wait for their first part."""
@@ -161,21 +161,21 @@ class HeavyReads:
             self._free -= 1
             return
         turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
-        self._lines.setdefault(reader, deque()).append(turn)
+        self._queues.setdefault(reader, deque()).append(turn)
         try:
             await turn
         except asyncio.CancelledError:
             if turn.done() and not turn.cancelled():
-                self._leave()  # it was given a place in the same moment
+                self._leave()  # it was given a slot in the same moment
             raise
 
     def _leave(self) -> None:
-        """Give a place to the next one in turn."""
-        while self._lines:
-            reader, line = self._lines.popitem(last=False)
-            turn = line.popleft()
-            if line:
-                self._lines[reader] = line
+        """Give a slot to the next one in turn."""
+        while self._queues:
+            reader, queue = self._queues.popitem(last=False)
+            turn = queue.popleft()
+            if queue:
+                self._queues[reader] = queue
             if not turn.done():
                 turn.set_result(None)
                 return
@@ -195,7 +195,7 @@ class HeavyReads:
             with suppress(RuntimeError):  # the loop has ended
                 loop.call_soon_threadsafe(self._leave)
 
-        # The place is free when the thread is, not when the client has gone.
+        # The slot is free when the thread is, not when the client has gone.
         computing.add_done_callback(ended)
         try:
             return await asyncio.wrap_future(computing)

@@ -3,7 +3,7 @@
 A tag is made of what is stored, the path, the query and the media type. A client that
 sends the tag of the present answer was given that answer to the very same question. So
 its query is not read again and its endpoint is not asked: 304 needs one row, which is
-mostly at hand. Any other request goes on to the endpoint, which answers or refuses it.
+mostly cached. Any other request goes on to the endpoint, which answers or refuses it.
 """
 
 from collections.abc import Callable, Mapping
@@ -23,13 +23,13 @@ from service.api.formats.atlases import FORMATS
 from service.api.formats.citation import CITATIONS
 from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, NPZ, preferred
 from service.api.formats.packages import ZIP
-from service.api.replies.conditional import IMMUTABLE, REVALIDATE, matching_tag, tag_of_thing, validators
+from service.api.replies.conditional import IMMUTABLE, REVALIDATE, matching_tag, tag_of_resource, validators
 from service.api.replies.errors import ApiError
 from service.jobs.records import AtlasNotFoundError, SolutionNotFoundError, SweepNotFoundError
-from service.schemas.reading.marks import Marks
-from service.storage.database.remembered import Read
+from service.schemas.reading.annotation import Annotation
+from service.storage.database.cached_reads import Read
 from service.storage.solutions.atlas_store import known_atlas
-from service.storage.solutions.standing import SolutionStanding, standing_and_marks, standing_of
+from service.storage.solutions.standing import SolutionStanding, standing_and_annotation, standing_of
 from service.storage.sweeps.sweep_store import SweepStanding, sweep_standing_of
 
 Standing = TypeVar("Standing")
@@ -43,8 +43,8 @@ class Tagged(Generic[Standing]):
     """Reads what is stored, without documents and arrays."""
     identity: Callable[[Standing], tuple[object, ...]]
     """Returns all that the bytes of the answer depend on."""
-    keeping: Callable[[Standing], str]
-    """Its Cache-Control."""
+    cache_control: Callable[[Standing], str]
+    """Returns its Cache-Control."""
     formats: Mapping[Any, str]
     """Media types by the parameter ``format``, where there is that; a single one is not negotiated."""
 
@@ -74,7 +74,7 @@ def _solved(standing: SolutionStanding) -> tuple[object, ...]:
     return standing.id, standing.digest
 
 
-def _marked(found: tuple[SolutionStanding, Marks]) -> tuple[object, ...]:
+def _annotated(found: tuple[SolutionStanding, Annotation]) -> tuple[object, ...]:
     return (*_solved(found[0]), found[1])
 
 
@@ -96,7 +96,7 @@ def _till_the_end(standing: SweepStanding) -> str:
 
 _JSON = {"json": JSON}
 TAGGED: Mapping[str, Tagged[Any]] = {
-    "/v1/solutions/{solution_id}": Tagged(standing_and_marks, _marked, _for_now, _JSON),
+    "/v1/solutions/{solution_id}": Tagged(standing_and_annotation, _annotated, _for_now, _JSON),
     "/v1/solutions/{solution_id}/trajectory": Tagged(standing_of, _as_it_is, _for_ever, MEDIA_TYPES),
     "/v1/solutions/{solution_id}/function": Tagged(standing_of, _as_it_is, _for_ever, _JSON),
     "/v1/solutions/{solution_id}/enclosures": Tagged(standing_of, _as_it_is, _for_ever, _JSON),
@@ -122,21 +122,21 @@ async def unchanged(request: Request, tagged: Tagged[Any]) -> Response | None:
     if media_type is None:
         return None
     resources: Resources = request.app.state.resources
-    thing_id = _id_in(request)
-    standing = resources.remembered.at_hand(tagged.read, thing_id)
+    resource_id = _id_in(request)
+    standing = resources.reads.cached(tagged.read, resource_id)
     if standing is None:
         try:
-            standing = await run_in_threadpool(resources.remembered.get, tagged.read, thing_id)
+            standing = await run_in_threadpool(resources.reads.get, tagged.read, resource_id)
         except (AtlasNotFoundError, SolutionNotFoundError, SweepNotFoundError):
             return None  # the endpoint says so, after all that is wrong with the query
-    known = matching_tag(header, tag_of_thing(request, media_type, *tagged.identity(standing)))
+    known = matching_tag(header, tag_of_resource(request, media_type, *tagged.identity(standing)))
     if known is None:
         return None
-    headers = {**validators(known, tagged.keeping(standing)), **tagged.varies}
+    headers = {**validators(known, tagged.cache_control(standing)), **tagged.varies}
     return Response(status_code=HTTPStatus.NOT_MODIFIED, headers=headers)
 
 
-def told_of(request: Request, inside: Resources, standing: object = None) -> dict[str, str]:
+def validator_headers(request: Request, inside: Resources, standing: object = None) -> dict[str, str]:
     """Return the headers of an answer of the table by which a client can ask again.
 
     Parameters
@@ -153,16 +153,16 @@ def told_of(request: Request, inside: Resources, standing: object = None) -> dic
     media_type = tagged.media_type(request)
     assert media_type is not None  # the endpoint has chosen one, too
     if standing is None:
-        standing = inside.remembered.get(tagged.read, _id_in(request))
-    tag = tag_of_thing(request, media_type, *tagged.identity(standing))
-    return {**validators(tag, tagged.keeping(standing)), **tagged.varies}
+        standing = inside.reads.get(tagged.read, _id_in(request))
+    tag = tag_of_resource(request, media_type, *tagged.identity(standing))
+    return {**validators(tag, tagged.cache_control(standing)), **tagged.varies}
 
 
-def solution_tag(request: Request, standing: SolutionStanding, marks: Marks) -> str:
-    """Return the tag of a solution's summary, in which nothing but its marks can change."""
-    return tag_of_thing(request, JSON, *_marked((standing, marks)))
+def solution_tag(request: Request, standing: SolutionStanding, annotation: Annotation) -> str:
+    """Return the tag of a solution's summary, in which nothing but its annotation can change."""
+    return tag_of_resource(request, JSON, *_annotated((standing, annotation)))
 
 
 def _id_in(request: Request) -> str:
-    (thing_id,) = request.path_params.values()
-    return str(thing_id)
+    (resource_id,) = request.path_params.values()
+    return str(resource_id)

@@ -45,7 +45,7 @@ app = typer.Typer(
 _ID = "01a20942-d407-7053-8f52-16b05c137715"
 _EXAMPLES = {
     "serve": ("polhode serve --port 8000 --workers 4",),
-    "worker": ("POLHODE_ENGINE=procrastinate polhode worker --slots 8",),
+    "worker": ("POLHODE_ENGINE=postgres polhode worker --slots 8",),
     "migrate": ("polhode migrate",),
     "validate": ("polhode validate examples/first.json", "polhode validate - --json < problem.json"),
     "solve": ("polhode solve examples/first.json --csv samples.csv", "polhode solve problem.json --json"),
@@ -109,7 +109,7 @@ def worker(
 ) -> None:
     """Compute queued jobs until SIGTERM or SIGINT."""
     settings = settings_of(workers=slots, database_url=database_url)
-    become_worker(["run", "--slots", str(max(settings.workers, 1))], worker_environment(settings))
+    become_worker("run", worker_environment(settings), slots=max(settings.workers, 1))
 
 
 def migrate(database_url: DatabaseUrl = None) -> None:
@@ -139,10 +139,7 @@ def solve(
     ] = None,
 ) -> None:
     """Solve one problem in this terminal, without a database: 2 s, also where nothing is compiled."""
-    options = ["--json"] if as_json else []
-    if csv is not None:
-        options.append(f"--csv={csv}")
-    become_worker(["solve", *options, "--", str(file)], os.environ)
+    become_worker("solve", os.environ, file=file, csv=csv, as_json=as_json)
 
 
 def atlas(
@@ -153,15 +150,12 @@ def atlas(
     ] = None,
 ) -> None:
     """Tell for which λ of a range there are planar motions, of which kind, and where that changes."""
-    options = ["--json"] if as_json else []
-    if picture is not None:
-        options.append(f"--picture={picture}")
-    become_worker(["atlas", *options, "--", str(file)], os.environ)
+    become_worker("atlas", os.environ, file=file, picture=picture, as_json=as_json)
 
 
 def compile_solvers() -> None:
     """Compile the fast solvers now: minutes, once on a machine. Services do it in the background."""
-    become_worker(["compile"], os.environ)
+    become_worker("compile", os.environ)
 
 
 def calibrate(
@@ -172,8 +166,7 @@ def calibrate(
     """Measure the error and the time of every tier on this machine, and store the table."""
     settings = settings_of(database_url=database_url)
     migrate_database(settings)
-    options = [name for name, given in (("--quick", quick), ("--json", as_json)) if given]
-    become_worker(["calibrate", *options], worker_environment(settings))
+    become_worker("calibrate", worker_environment(settings), quick=quick, as_json=as_json)
 
 
 def sweep(
@@ -196,12 +189,7 @@ def sweep(
 
         sweep_file(file, out, url=url, key=key, as_json=as_json)
         return
-    options = ["--json"] if as_json else []
-    if out is not None:
-        options.append(f"--out={out}")
-    if workers is not None:
-        options += ["--workers", str(workers)]
-    become_worker(["sweep", *options, "--", str(file)], os.environ)
+    become_worker("sweep", os.environ, file=file, out=out, workers=workers, as_json=as_json)
 
 
 def doctor(
@@ -221,10 +209,8 @@ def doctor(
     The database may be in use. SQLite's own check reads the whole file.
     """
     settings = settings_of(database_url=database_url)
-    options = [name for name, given in (("--fix", fix), ("--all", every), ("--json", as_json)) if given]
-    if seed is not None:
-        options += ["--seed", str(seed)]
-    become_worker(["doctor", "--sample", str(sample), *options], worker_environment(settings))
+    options = {"fix": fix, "sample": sample, "every": every, "seed": seed, "as_json": as_json}
+    become_worker("doctor", worker_environment(settings), **options)
 
 
 _WIDTH = 28
@@ -244,12 +230,12 @@ def families(
             return
         answer("".join(f"{key:<{_WIDTH}}{_line(row)}\n" for key, row in rows))
         return
-    found = [row for key, row in rows if key == name]
-    if not found:
+    matches = [row for key, row in rows if key == name]
+    if not matches:
         fail(
             f"there is no family and no case {name!r}; there are {', '.join(key for key, _ in rows)}", REFUSED
         )
-    answer(json.dumps(found[0]) + "\n" if as_json else "".join(f"{line}\n" for line in _all_of(found[0])))
+    answer(json.dumps(matches[0]) + "\n" if as_json else "".join(f"{line}\n" for line in _all_of(matches[0])))
 
 
 def _rows() -> Iterator[tuple[str, Mapping[str, object]]]:

@@ -1,6 +1,6 @@
 """A computed motion: the solution as a function of time, with its evidence."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,6 +13,12 @@ from service.dynamics.solution.dense_output import DenseOutput, FloatArray
 
 COLUMNS: tuple[str, ...] = ("p", "q", "r", "g1", "g2", "g3")
 """The six variables of the Euler-Poisson equations, in the order of every array."""
+
+
+def columns_of(outputs: Collection[str]) -> list[str]:
+    """Return the variables that are asked for by the ``outputs`` gamma and omega."""
+    return [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in outputs]
+
 
 NO_CROSS_CHECK = "no_cross_check"
 """Code of the warning that the second method could not follow the motion, so that nothing was compared."""

@@ -44,16 +44,22 @@ class LaneShares:
     The balance of a lane is the time it should have had minus the time it has
     had; above zero, the lane is owed the next job. Neither credit nor debt builds
     up: the balance of an empty lane is reset to its first value, and a lane that
-    had the worker to itself is in debt for its last job only. At first, and after
-    each job, the lanes before it come first for as long as their share of the
-    time: seven seconds after a chunk of one second.
+    had the worker to itself is in debt for its last job only. After each job the
+    lanes before it come first for as long as their share of the time: seven
+    seconds after a chunk of one second.
+
+    Parameters
+    ----------
+    left
+        The part of the debt of one chunk that a new worker has left, from 0 to 1. Drawn at random for each
+        worker it gives all lanes their shares also where workers die before they have paid a whole debt.
     """
 
-    def __init__(self) -> None:
-        self._balance = {lane: _debt(lane, CHUNK_SECONDS) for lane in SHARES}
+    def __init__(self, left: float = 1.0) -> None:
+        self._balance = {lane: left * _debt(lane, CHUNK_SECONDS) for lane in SHARES}
         self._running: Counter[Lane] = Counter()
 
-    def owed(self) -> tuple[Lane, ...]:
+    def starved(self) -> tuple[Lane, ...]:
         """Return the lanes that are owed a job, the largest balance first."""
         # A running job counts as one chunk's length, so that two slots do not pay the same debt twice.
         due = {
@@ -65,10 +71,10 @@ class LaneShares:
         """Record that a job of the lane has begun."""
         self._running[lane] += 1
 
-    def end(self, lane: Lane, seconds: float, *, was_owed: bool) -> None:
+    def end(self, lane: Lane, seconds: float, *, was_starved: bool) -> None:
         """Record that a job of the lane has ended, after ``seconds`` of one slot.
 
-        ``was_owed``: it was taken out of order because the lane was owed a job.
+        ``was_starved``: it was taken out of order because the lane was owed a job.
         """
         self._running[lane] -= 1
         for behind, share in SHARES.items():
@@ -76,7 +82,7 @@ class LaneShares:
                 self._balance[behind] += share * seconds
         if lane in SHARES:
             debt, before = _debt(lane, seconds), self._balance[lane]
-            least = -float("inf") if was_owed else min(before, debt, _debt(lane, CHUNK_SECONDS))
+            least = -float("inf") if was_starved else min(before, debt, _debt(lane, CHUNK_SECONDS))
             self._balance[lane] = max(before + debt, least)
 
     def forget(self, lane: Lane) -> None:

@@ -1,5 +1,6 @@
 """A worker process: its name, its host, its command line and its environment."""
 
+import json
 import os
 import sys
 from typing import TYPE_CHECKING
@@ -27,8 +28,8 @@ class OtherHostError(Exception):
     def __init__(self, host: str, other: str, silent_seconds: float) -> None:
         super().__init__(
             f"{other} works on this database (seen {silent_seconds:.0f} s ago) and this is {host}: the local "
-            "engine serves one machine. Stop the workers there, or let Postgres deliver the jobs: "
-            "POLHODE_ENGINE=procrastinate, for the service and on every machine"
+            "engine serves one machine. Stop the workers there, or let Postgres announce the jobs: "
+            "POLHODE_ENGINE=postgres, for the service and on every machine"
         )
 
 
@@ -45,9 +46,12 @@ def new_worker_name(host: str) -> str:
     return f"{host[:64]}:{os.getpid()}:{os.urandom(4).hex()}"
 
 
-def worker_command(*arguments: str) -> list[str]:
-    """Return the command line of a worker. ``-P``: a ``workers.py`` in the working folder is not imported."""
-    return [sys.executable, "-P", "-m", "workers", *arguments]
+def worker_command(name: str, **options: object) -> list[str]:
+    """Return the command line for a command of a worker, its options as JSON; paths are text there.
+
+    ``-P``: a ``workers.py`` in the working folder is not imported.
+    """
+    return [sys.executable, "-P", "-m", "workers", name, json.dumps(options, default=str)]
 
 
 def worker_environment(settings: "Settings") -> dict[str, str]:

@@ -1,15 +1,16 @@
 """The store of verdicts and windows that were found before; one method is one transaction."""
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from sqlalchemy import Connection, bindparam, delete, func, or_, select
 from sqlalchemy.dialects import postgresql, sqlite
 
+from service.schemas.reading.documents import Document
 from service.storage.database.database import Database, is_postgres
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.operations import ExaminationRow
-from service.verdicts.cache_rows import Entry, examination_version, is_sound, seal_of
+from service.verdicts.cache_rows import CacheRow, checksum_of, examination_version, is_sound
 
 logger = logging.getLogger(__name__)
 
@@ -30,7 +31,7 @@ _KEYS = 500
 """Keys looked up by one statement: databases limit its parameters."""
 
 
-def _keep(insert: sqlite.Insert | postgresql.Insert) -> sqlite.Insert | postgresql.Insert:
+def _upsert(insert: sqlite.Insert | postgresql.Insert) -> sqlite.Insert | postgresql.Insert:
     """Return the statement that writes rows, or replaces those that are there."""
     new = insert.excluded
     return insert.on_conflict_do_update(
@@ -39,12 +40,12 @@ def _keep(insert: sqlite.Insert | postgresql.Insert) -> sqlite.Insert | postgres
     )
 
 
-_KEEP_SQLITE = _keep(sqlite.insert(_ROWS).values(_VALUES))
-_KEEP_POSTGRES = _keep(postgresql.insert(_ROWS).values(_VALUES))
+_STORE_SQLITE = _upsert(sqlite.insert(_ROWS).values(_VALUES))
+_STORE_POSTGRES = _upsert(postgresql.insert(_ROWS).values(_VALUES))
 
 
 def find_rows(connection: Connection, keys: Sequence[str]) -> tuple[dict[str, str], list[str]]:
-    """Return the contents of those keys that are kept, and the keys of the rows that are damaged."""
+    """Return the contents of those keys that are cached, and the keys of the rows that are damaged."""
     found: dict[str, str] = {}
     damaged: list[str] = []
     for start in range(0, len(keys), _KEYS):
@@ -65,15 +66,15 @@ def sound_content(key: str, content: bytes, seal: str) -> str | None:
     return content.decode()
 
 
-def keep_rows(connection: Connection, entries: Iterable[Entry]) -> None:
+def store_rows(connection: Connection, entries: Iterable[CacheRow]) -> None:
     """Write entries that are not there yet; equal keys have equal contents."""
     # In the order of their keys: two processes that write the same ones must not wait for each other.
     rows = [_row(entry) for entry in sorted(_missing(connection, entries), key=lambda entry: entry.key)]
     if rows:
-        connection.execute(_KEEP_POSTGRES if is_postgres(connection) else _KEEP_SQLITE, rows)
+        connection.execute(_STORE_POSTGRES if is_postgres(connection) else _STORE_SQLITE, rows)
 
 
-def _missing(connection: Connection, entries: Iterable[Entry]) -> list[Entry]:
+def _missing(connection: Connection, entries: Iterable[CacheRow]) -> list[CacheRow]:
     """Return the entries that are not there, or damaged, or were not used for a day.
 
     Looking first spares the lock that Postgres takes on every row it tries to write: all who submit problems
@@ -88,13 +89,13 @@ def _missing(connection: Connection, entries: Iterable[Entry]) -> list[Entry]:
     return list(wanted.values())
 
 
-def _row(entry: Entry) -> Mapping[str, object]:
+def _row(entry: CacheRow) -> Document:
     content = entry.content.encode()
     return {
         "key": entry.key,
         "version": examination_version(),
         "content": content,
-        "seal": seal_of(entry.key, content),
+        "seal": checksum_of(entry.key, content),
     }
 
 
@@ -111,7 +112,7 @@ class ExaminationStore:
         self._database = database
 
     def get(self, keys: Sequence[str]) -> dict[str, str]:
-        """Return the contents of those keys that are kept; delete the entries that are damaged."""
+        """Return the contents of those keys that are cached; delete the entries that are damaged."""
         with self._database.read() as session:
             found, damaged = find_rows(session.connection(), keys)
         if damaged:
@@ -119,10 +120,10 @@ class ExaminationStore:
                 connection.execute(delete(_ROWS).where(_ROWS.c.key.in_(damaged)))
         return found
 
-    def add(self, entries: Sequence[Entry]) -> None:
-        """Keep entries, unless they are kept already."""
+    def add(self, entries: Sequence[CacheRow]) -> None:
+        """Store entries, unless they are stored already."""
         with self._database.write_rows() as connection:
-            keep_rows(connection, entries)
+            store_rows(connection, entries)
 
     def trim(self, *, most: int = MOST_ENTRIES, dry_run: bool = False) -> int:
         """Delete what other versions found, and what was not used for longest; return how many.

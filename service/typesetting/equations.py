@@ -141,11 +141,11 @@ def _append(parent: Element, box: Box) -> None:
     """Add the elements of a box; those of a row stand beside each other."""
     match box:
         case Name(letters, _, subscript, is_upright):
-            place = SubElement(parent, "msub") if subscript else parent
+            target = SubElement(parent, "msub") if subscript else parent
             is_marked = is_upright and len(letters) == 1
-            SubElement(place, "mi", {"mathvariant": "normal"} if is_marked else {}).text = letters
+            SubElement(target, "mi", {"mathvariant": "normal"} if is_marked else {}).text = letters
             if subscript:
-                SubElement(place, "mn").text = subscript
+                SubElement(target, "mn").text = subscript
         case Numeral(digits):
             SubElement(parent, "mn").text = digits
         case Sign(character, is_prefix):

@@ -14,9 +14,10 @@ from service.dynamics.atlas.parts import Atlas, AtlasPart, Change, Proof
 from service.dynamics.bounds import printed_error
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
-from service.schemas.atlas.reading import AtlasQuestion, read_atlas
+from service.schemas.atlas.reading import AtlasQuestion, trusted_atlas
+from service.schemas.reading.documents import Document, Part
 from service.verdicts.cached import verdict_deadline
-from service.verdicts.documents import Document, verdict_document
+from service.verdicts.documents import verdict_document
 from service.verdicts.refusals import answer_or_refusal, deadline, refusal_of_verdict
 
 PROCESSOR_SECONDS, SECONDS = 4.0, 6.0
@@ -53,15 +54,15 @@ def examine_atlas_of_job(document_json: str) -> str:
 
 def examine_setting(document_json: str) -> str:
     """Answer whether an atlas can be drawn: ``{"verdict": null}`` or ``{"error": …}``, as JSON."""
-    return _answer(document_json, lambda document: {"verdict": None, **_judge(read_atlas(document))[1]})
+    return _answer(document_json, lambda document: {"verdict": None, **_judge(trusted_atlas(document))[1]})
 
 
-def _answer(document_json: str, judge: Callable[[object], Document]) -> str:
+def _answer(document_json: str, judge: Callable[[Part], Document]) -> str:
     return json.dumps(answer_or_refusal(json.loads(document_json), judge), allow_nan=False)
 
 
-def _draw(document: object, *, processor: float, clock: float) -> Document:
-    asked = read_atlas(document)
+def _draw(document: Part, *, processor: float, clock: float) -> Document:
+    asked = trusted_atlas(document)
     verdict, refused = _judge(asked)
     if refused:
         return refused

@@ -34,8 +34,7 @@ from service.dynamics.verdict.own_curve import InadmissibleMotionError
 from service.dynamics.verdict.refutations.counterexample import Counterexample
 from service.dynamics.verdict.refutations.jumps import Jump
 from service.dynamics.verdict.verdict import Verdict
-
-Document = dict[str, object]
+from service.schemas.reading.documents import Document
 
 NAMELESS = NamedFormulas()
 W_POINTS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)

@@ -7,7 +7,7 @@ limits.
 
 import json
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any  # what was read from JSON
@@ -17,7 +17,6 @@ from flint import ctx
 from service.dynamics.classical.classification import Nearness, classify
 from service.dynamics.errors import DynamicsError
 from service.dynamics.inverse.curve_function import NoDecompositionError
-from service.dynamics.inverse.named import Named
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.window import Window, require_known_ends
@@ -31,13 +30,12 @@ from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.own_curve import require_proof_on_arc
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
-from service.schemas.problem.potentials import GravityIn
-from service.schemas.problem.problem import Question, read_problem, read_question
-from service.schemas.reading.documents import InvalidProblemError
-from service.verdicts.cached import Kept, Keys, verdict_deadline
+from service.schemas.problem.questions import Question, trusted_question
+from service.schemas.problem.trusted import centre_of, trusted_problem
+from service.schemas.reading.documents import Document, Part
+from service.verdicts.cached import Keys, ResultCache, verdict_deadline
 from service.verdicts.documents import (
     NAMELESS,
-    Document,
     Points,
     decomposition_document,
     decomposition_of,
@@ -61,13 +59,12 @@ def classification_of(question: Question) -> Document | None:
     """Return the classification of a state in a potential of the type gravity; None of any other motion.
 
     It computes in balls: in a process of many threads the caller holds
-    :data:`service.schemas.problem.rules.ONE_AT_A_TIME`.
+    :data:`service.schemas.problem.trusted.ONE_AT_A_TIME`.
     """
     motion, stated = question.motion, question.stated
-    if not isinstance(motion, StateMotion) or not isinstance(stated, GravityIn) or question.body.B is None:
+    if not isinstance(motion, StateMotion) or stated["type"] != "gravity" or question.body.B is None:
         return None
-    centre = (stated.a, stated.b, stated.c)
-    found = classify(question.body, centre, motion.omega, motion.gamma)
+    found = classify(question.body, centre_of(stated), motion.omega, motion.gamma)
     on = [each.case for each in found.cases if each.is_on]
     on += [each.case for each in found.integrable if each.holds]
     nearest = next((each for each in found.cases if each.distance is not None), None)
@@ -114,36 +111,42 @@ def examine_problem(document_json: str, *, explains: bool = True) -> str:
 class Examined:
     """The answer of :func:`examine_problem`, and results that need not be found again in the same process."""
 
-    answer: Document
+    answer: Part
     problem: Problem | None
     """The problem that was read; None if the document states none."""
 
 
-def examine_document(document: object, *, explains: bool = True, kept: Kept | None = None) -> Examined:
+def examine_document(
+    document: Part,
+    *,
+    explains: bool = True,
+    cache: ResultCache | None = None,
+    read: Callable[[Part], Problem] = trusted_problem,
+) -> Examined:
     """Answer as :func:`examine_problem`, and hand on what was read and found on the way.
 
-    Those who examine many problems of one body and potential hand over a ``kept``, which keeps the verdict.
+    Those who examine many problems of one body and potential hand over a ``cache``, which has the verdict.
+    A document that nobody has validated is ``read`` by who does.
     """
     searches = Searches(1 if explains else 0)
     problem = None
 
-    def judge(document: object) -> Answer:
+    def judge(document: Part) -> Answer:
         nonlocal problem
-        problem = read_problem(document)
-        if kept is None:
-            return _judge_problem(problem, Kept({}), (None, None), searches)
-        assert isinstance(document, dict)
+        problem = read(document)
+        if cache is None:
+            return _judge_problem(problem, ResultCache({}), (None, None), searches)
         what = json.dumps([document["body"], document["potential"]], sort_keys=True)
-        return _judge_problem(problem, kept, (what, None), searches)
+        return _judge_problem(problem, cache, (what, None), searches)
 
     answer = answer_or_refusal(document, judge)
     return Examined(answer, problem)
 
 
 def examine_problems(text: str) -> str:
-    """Examine each problem of a list as :func:`examine_problem`; use what is kept, and return what is found.
+    """Examine each problem of a list as :func:`examine_problem`; use what is cached; return what is found.
 
-    ``text`` is ``{"problems": [{"document", "verdict", "windows"}, …], "kept": {key: content}}``; in each
+    ``text`` is ``{"problems": [{"document", "verdict", "windows"}, …], "cached": {key: content}}``; in each
     problem are the keys of its verdict and of the windows of its curve, null where it has none. The answer
     is ``{"answers": […], "seconds": […], "found": {key: content}}``.
     """
@@ -158,28 +161,28 @@ def examine_problems(text: str) -> str:
         and isinstance(problem.motion, PlanarMotion)
         and None not in (each["verdict"], each["windows"])
     )
-    kept, searches = Kept(asked["kept"], ahead), Searches(MOST_SEARCHES)
+    cache, searches = ResultCache(asked["cached"], ahead), Searches(MOST_SEARCHES)
 
     def judge(asked_problem: Mapping[str, Any], problem: Problem | None) -> Answer:
         keys = asked_problem["verdict"], asked_problem["windows"]
         return answer_or_refusal(
             asked_problem["document"],
-            lambda document: _judge_problem(problem or read_problem(document), kept, keys, searches),
+            lambda document: _judge_problem(problem or trusted_problem(document), cache, keys, searches),
         )
 
     answers, seconds = [], []
     for each, problem in zip(asked["problems"], problems, strict=True):
         began = time.perf_counter()
         answers.append(judge(each, problem))
-        seconds.append(reading + kept.share(each["windows"], time.perf_counter() - began))
-    return json.dumps({"answers": answers, "seconds": seconds, "found": kept.found}, allow_nan=False)
+        seconds.append(reading + cache.share(each["windows"], time.perf_counter() - began))
+    return json.dumps({"answers": answers, "seconds": seconds, "found": cache.found}, allow_nan=False)
 
 
-def _read_or_none(document: object) -> Problem | None:
+def _read_or_none(document: Part) -> Problem | None:
     """Return the problem; None where it is refused, which is told when it is judged."""
     try:
-        return read_problem(document)
-    except (DynamicsError, InvalidProblemError):
+        return trusted_problem(document)
+    except DynamicsError:
         return None
 
 
@@ -188,8 +191,8 @@ def answer_ping() -> str:
     return "alive"
 
 
-def _judge_question(document: object) -> Answer:
-    question = read_question(document)
+def _judge_question(document: Part) -> Answer:
+    question = trusted_question(document)
     if question.problem is not None and not isinstance(question.motion, PlanarMotion):
         return {"verdict": None}
     verdict = decide(question.body, question.potential, verdict_deadline())
@@ -197,12 +200,12 @@ def _judge_question(document: object) -> Answer:
     potential = question.potential if refuted else simplified(question.potential)
     answer = verdict_document(question.body, verdict, potential)
     answer["classical"] = classification_of(question)
-    accepts = question.problem is not None and question.problem.problem.accept == "undecided"
+    accepts = question.problem is not None and question.problem.accept == "undecided"
     refusal = None if question.problem is None else refusal_of_verdict(verdict, answer, accepts)
     if refusal is not None:
         return refusal
     if refuted:
-        named, degree = _named(question), question.nearest_degree
+        named, degree = question.named(), question.nearest_degree
         nearest = nearest_document(question.body, question.potential, named, degree)
         return {"verdict": {**answer, "nearest": nearest}}
     if isinstance(question.motion, PlanarMotion):
@@ -215,15 +218,15 @@ def _judge_question(document: object) -> Answer:
             if not found:
                 existence = Searches(1).document(question.body, potential, question.motion)
             try:
-                chosen = _require_asked(question, question.motion, found)
+                chosen = _require_chosen(question, question.motion, found)
             except NoMotionError as error:
                 return refusal_without_motion(error, existence)
         answer |= {"motions": [window_document(window) for window in found], "existence": existence}
         if question.problem is not None and chosen is not None:
-            answer["plan"] = plan_document(question.problem.problem, chosen)
+            answer["plan"] = plan_document(question.problem, chosen)
             if verdict.verdict == "undecided":
                 with ctx.workprec(REDUCTION_BITS):
-                    _prove_motion(question.problem.problem, question.motion, chosen)
+                    _prove_motion(question.problem, question.motion, chosen)
     if verdict.verdict == "admissible":
         answer |= _formulas(question, verdict)
     return {"verdict": answer}
@@ -233,7 +236,7 @@ def _formulas(question: Question, verdict: Verdict) -> Document:
     """Return h, F and G of an admissible potential, as far as they are known."""
     body, found = question.body, decomposition_of(question.body, question.potential)
     # Names are used only if the formula is proved for all values, which needs a proof for these values first.
-    named = _named(question) if verdict.proof == "symbolic" else None
+    named = question.named() if verdict.proof == "symbolic" else None
     formulas = NAMELESS if named is None else named.formulas(body, found, question.potential)
     points = Points(question.w, question.g2)
     try:
@@ -246,14 +249,10 @@ def _formulas(question: Question, verdict: Verdict) -> Document:
         return {"energy": energy_document(body, verdict, None, formulas)}
 
 
-def _named(question: Question) -> Named | None:
-    return None if question.stated is None else question.stated.named(question.body)
-
-
-def _require_asked(question: Question, motion: PlanarMotion, windows: tuple[Window, ...]) -> Window | None:
+def _require_chosen(question: Question, motion: PlanarMotion, windows: tuple[Window, ...]) -> Window | None:
     """Return the requested window, None if no window was chosen; raise the error its job would end with."""
     if question.problem is not None:
-        return _require_motion(question.problem.problem, motion, windows)
+        return _require_motion(question.problem, motion, windows)
     if motion.window is None and (motion.start is None or len(windows) != 1):
         return None
     window = choose_window(windows, motion)
@@ -262,19 +261,19 @@ def _require_asked(question: Question, motion: PlanarMotion, windows: tuple[Wind
     return window
 
 
-def _judge_problem(problem: Problem, kept: Kept, keys: Keys, searches: Searches) -> Answer:
-    """Judge a problem, with what is ``kept`` under the keys of its verdict and of its windows."""
+def _judge_problem(problem: Problem, cache: ResultCache, keys: Keys, searches: Searches) -> Answer:
+    """Judge a problem, with what is cached under the keys of its verdict and of its windows."""
     if not isinstance(problem.motion, PlanarMotion):
         return {"verdict": None}
     of_verdict, of_windows = keys
-    verdict = kept.verdict(of_verdict, problem.body, problem.potential)
+    verdict = cache.verdict(of_verdict, problem.body, problem.potential)
     answer = verdict_document(problem.body, verdict, problem.potential)
     refusal = refusal_of_verdict(verdict, answer, problem.accept == "undecided")
     if refusal is not None:
         return refusal
     with ctx.workprec(REDUCTION_BITS):
         try:
-            windows = kept.windows(of_windows, problem.body, problem.potential, problem.motion)
+            windows = cache.windows(of_windows, problem.body, problem.potential, problem.motion)
             window = _require_motion(problem, problem.motion, windows)
         except UNSETTLED as error:
             return refusal_of_windows(error, verdict)

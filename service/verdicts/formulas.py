@@ -24,9 +24,9 @@ from service.dynamics.reduction.formulas import elliptic_motion, reduced_motion
 from service.dynamics.reduction.windows import find_windows
 from service.dynamics.verdict.proofs.energy_terms import sum_text
 from service.dynamics.verdict.simple_form import simplified
-from service.schemas.problem.problem import Question, read_question
+from service.schemas.problem.questions import Question, trusted_question
+from service.schemas.reading.documents import Document
 from service.typesetting.equations import TIME, typeset
-from service.verdicts.documents import Document
 from service.verdicts.examination import examine_question
 
 Signs = Mapping[str, int]
@@ -63,7 +63,7 @@ def examine_question_with_formulas(text: str) -> str:
     answer = json.loads(examine_question(json.dumps(asked["document"])))
     verdict = answer.get("verdict")
     if verdict is not None:
-        equations = list(equations_of(read_question(asked["document"]), verdict))
+        equations = list(equations_of(trusted_question(asked["document"]), verdict))
         verdict["formulas"] = [_row(equation, asked["formats"]) for equation in equations]
         verdict["works"] = _works(equations, asked["formats"])
     return json.dumps(answer, allow_nan=False)
@@ -122,7 +122,7 @@ def _works(equations: Sequence[Equation], formats: Sequence[Any]) -> list[str]:
 
 def equations_of(question: Question, verdict: Mapping[str, Any]) -> Iterator[Equation]:
     """Yield what is known of a potential as equations: h, F, G, the reduced motion, the nearest one, V."""
-    named = None if question.stated is None else question.stated.named(question.body)
+    named = question.named()
     V, V_named = _potential(question, named)
     yield from _functions(verdict)
     if V is not None and verdict["verdict"] == "admissible":

@@ -17,17 +17,17 @@ from service.dynamics.reduction.structure import SignsUnsettledError
 from service.dynamics.reduction.windows import NoMotionError, NoSuchWindowError, SeveralWindowsError
 from service.dynamics.verdict.own_curve import InadmissibleMotionError
 from service.dynamics.verdict.verdict import Verdict
-from service.schemas.reading.documents import InvalidProblemError
+from service.schemas.reading.documents import Document, InvalidProblemError, Part
 from service.schemas.replies.verdict import ExistenceOut
 from service.schemas.replies.verdict_text import existence_sentence
-from service.verdicts.documents import Document, existence_document, motion_counterexample, window_document
+from service.verdicts.documents import existence_document, motion_counterexample, window_document
 
 _POTENTIAL = "/potential"
 UNSETTLED = (SignsUnsettledError, SeparatrixUndecidedError, PassageUndecidedError)
 """Errors by which windows are refused that may exist all the same, whatever the verdict."""
 
 
-def answer_or_refusal(document: object, judge: Callable[[object], Document]) -> Document:
+def answer_or_refusal(document: Part, judge: Callable[[Part], Document]) -> Document:
     """Return what ``judge`` answers to a document, or the refusal that it raises."""
     try:
         return judge(document)

@@ -5,6 +5,7 @@ collector, where an exception would only be printed, at a moment that is chosen:
 the import of a module, or the call of a function.
 """
 
+import json
 import os
 import signal
 import subprocess
@@ -55,6 +56,7 @@ else:
 sys.exit(importlib.import_module(entry).main())
 """
 SERVICE, WORKER = "service.cli.main", "workers.__main__"
+SOLVE = '{"file": "-", "csv": null, "as_json": false}'
 
 
 @pytest.fixture
@@ -89,7 +91,14 @@ INTERRUPTED, TERMINATED = "interrupted\n", "stopped by SIGTERM\n"
     ("number", "code", "line", "entry", "moment", "arguments"),
     [
         (signal.SIGINT, 130, INTERRUPTED, SERVICE, "typer", ["serve"]),
-        (signal.SIGINT, 130, INTERRUPTED, WORKER, "numpy", ["solve", "-"]),
+        (
+            signal.SIGINT,
+            130,
+            INTERRUPTED,
+            WORKER,
+            "numpy",
+            ["solve", SOLVE],
+        ),
         (signal.SIGTERM, 143, TERMINATED, SERVICE, "sqlalchemy", ["migrate"]),
     ],
 )
@@ -138,7 +147,8 @@ SWEEP = """{
 def test_a_sweep_that_was_stopped_says_what_is_missing(run, tmp_path):
     out = tmp_path / "points.csv"
     moment = "workers.cli.sweep:_progress"
-    ended = run(WORKER, moment, signal.SIGINT, "sweep", "-", "--out", out, content=SWEEP)
+    options = json.dumps({"file": "-", "out": str(out), "workers": None, "as_json": False})
+    ended = run(WORKER, moment, signal.SIGINT, "sweep", options, content=SWEEP)
     assert ended.returncode == 1
     assert ended.stderr == "stopped: 2 of 2 points are missing, those with index 0 to 1\n"
     assert out.read_text(encoding="utf-8").startswith('"index"')

@@ -17,7 +17,8 @@ from service.dashboard.routes import PAGES
 from service.settings import Settings
 from service.storage.database.database import Database, NobodyWaitsError
 from service.storage.database.rows import new_id
-from tests.support.api import NEEDED_QUERY
+from tests.support.api import NEEDED_QUERY, STATE, solve_job
+from tests.support.sweeps import SWEEP
 
 MB = 10**6
 ANN, BOB = Reader("ann"), Reader("bob")
@@ -317,12 +318,12 @@ LIGHT = {
     "/v1/atlases": "a page, if it is by age: see below",
     "/v1/solutions": "a page, if it is by age: see below",
     "/v1/sweeps": "a page, if it is by age: see below",
-    "/v1/sweeps/{sweep_id}/jobs": "a page of the few jobs of a sweep",
+    "/v1/sweeps/{sweep_id}/jobs": "a page, if it is by age: see below",
     "/v1/problems/{digest}/solutions": "a page of the few of one problem",
     "/v1/jobs/{job_id}": "one row",
     "/v1/jobs/{job_id}/attempts": "few rows",
     "/v1/solutions/{solution_id}": "one row",
-    "/v1/solutions/{solution_id}/audits": "few rows",
+    "/v1/solutions/{solution_id}/audits": "a page, if it is by age: see below",
     "/v1/solutions/{solution_id}/audits/{audit_id}": "one row",
     "/v1/solutions/{solution_id}/citation": "text of one row",
     "/v1/solutions/{solution_id}/provenance": "text of one row and its attempts",
@@ -369,10 +370,28 @@ def test_every_route_that_computes_or_builds_is_made_in_a_place(client, reads_be
         ("/v1/jobs?offset=1000000", True),
         ("/v1/sweeps?order=points", True),
         ("/v1/atlases?where=/body/A>1", True),
+        ("/v1/jobs?count=exact", True),
+        ("/v1/jobs", False),
         ("/v1/jobs?state=queued&limit=200", False),
         ("/v1/sweeps?state=running", False),
     ],
 )
 def test_a_page_that_may_take_long_is_made_in_a_place(client, reads_begun, path, is_heavy):
     assert client.get(path).status_code < 500
+    assert len(reads_begun) == is_heavy
+
+
+@pytest.mark.parametrize(
+    ("query", "is_heavy"), [("", False), ("?where=attempt>1", True), ("?order=state", True)]
+)
+def test_lists_of_audits_and_of_chunks_are_made_in_a_place_as_all_lists(
+    client, jobs, reads_begun, query, is_heavy
+):
+    sweep_id = client.post("/v1/sweeps", json=SWEEP).json()["id"]
+    assert client.get(f"/v1/sweeps/{sweep_id}/jobs{query}").status_code == 200
+    assert len(reads_begun) == is_heavy
+    client.post(f"/v1/sweeps/{sweep_id}/cancel")
+    solution = solve_job(client, jobs, STATE)
+    del reads_begun[:]
+    assert client.get(f"/v1/solutions/{solution['id']}/audits{query}").status_code == 200
     assert len(reads_begun) == is_heavy

@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 
 from service.dynamics.motion import COLUMNS
+from service.dynamics.problem import Output
 from service.jobs.records import Solved, SolveOutcome
-from service.schemas.problem.documents import OutputName
 from tests.benchmarks.measuring import Effort, Table, in_turns, in_words
 from tests.benchmarks.motions import FloatArray, Measured, elliptic, librations
 from tests.benchmarks.stored import stored_solution
@@ -17,7 +17,7 @@ from workers.calibration.measurement import calibrate, whole_jobs
 from workers.calibration.reference import CASES
 from workers.computation.compute import solve_document
 
-ASKED: tuple[OutputName, ...] = ("gamma", "omega", "invariants", "orientation", "stability")
+ASKED: tuple[Output, ...] = ("gamma", "omega", "invariants", "orientation", "stability")
 """In the order in which they are added."""
 PROBLEMS: Mapping[str, Mapping[str, object]] = {
     "A = 2C": {

@@ -1,4 +1,4 @@
-"""A motion without a period that turns too often for lines: its values are shown as dots, and told so."""
+"""A motion without a period that oscillates too fast for lines: its values are dots, and the page says so."""
 
 import re
 
@@ -23,7 +23,7 @@ def test_what_has_no_period_and_turns_too_often_is_shown_as_dots(tab):
     page = tab.open(f"solution?id={identity}")
     settle(page)
     note = page.locator("#series-note")
-    expect(note).to_contain_text("values; the motion between them turns too often to be drawn as lines")
+    expect(note).to_contain_text("values; the motion oscillates too fast between them to be drawn as lines")
     modes = "[...new Set(document.getElementById('series').data.map(({mode}) => mode))]"
     assert page.evaluate(modes) == ["markers"]
     # More points were asked for before that was given up, the most in the end.

@@ -18,7 +18,7 @@ NAMED = {
         "Add label",
         "Remove label",
         "Set note",
-        "Choose none",
+        "Clear the selection",
     ],
     "/solution": ["or the one with the id", "Compare", "Copy as curl", "Copy as Python", "Show", "CSV"],
     "/sweep": ["Show it", "Start a finer sweep…", "Copy as curl", "log of values", "points"],

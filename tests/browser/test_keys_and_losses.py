@@ -139,9 +139,9 @@ def test_the_page_waits_where_too_much_is_read_and_says_so(tab):
 
     tab.page.route("**/v1/accuracy*", refuse_once)
     page = tab.open("accuracy")
-    expect(page.get_by_text("The service is busy with other readers")).to_be_visible()
+    expect(page.get_by_text("The service is busy with other requests")).to_be_visible()
     settle(page)
-    expect(page.get_by_text("The service is busy with other readers")).to_be_hidden()
+    expect(page.get_by_text("The service is busy with other requests")).to_be_hidden()
     expect(page.locator("main")).to_contain_text("certified")
     assert [fault.split()[0] for fault in tab.faults] == ["503"]
     tab.faults.clear()

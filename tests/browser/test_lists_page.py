@@ -60,7 +60,7 @@ def test_labels_are_given_to_many_rows_by_the_keyboard_and_a_conflict_is_told_in
     with page.expect_request(lambda request: request.method == "PATCH") as sent:
         page.get_by_role("button", name="Add label").click()
     assert re.fullmatch(r'"[^"]+"', sent.value.headers["if-match"])
-    told = f"{count - 1} changed, 1 not: the reasons are in their rows"
+    told = f"{count - 1} changed, 1 failed: the reasons are in their rows"
     expect(page.locator("#bulk-outcome")).to_have_text(told)
     expect(page.locator("tbody .fault")).to_have_text(
         "Not changed: somebody has changed project meanwhile; it is now of somebody else"

@@ -79,4 +79,4 @@ def test_a_motion_that_turns_too_often_has_no_picture_that_lies(tab):
     )
     page = tab.open("")
     settle(page)
-    expect(page.locator("#cards .thumb").first).to_have_text("It turns too often for a small picture.")
+    expect(page.locator("#cards .thumb").first).to_have_text("It oscillates too fast for a small picture.")

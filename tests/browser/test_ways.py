@@ -69,8 +69,11 @@ def test_solutions_are_compared_with_the_errors_that_both_claim(tab):
     page = tab.open(f"solution?id={first}&with={other['id']}")
     note = page.locator("#compare-note")
     expect(note).to_contain_text("they agree")
-    told = r"at most (.+?) apart, in (\S+) at t = (\S+), within the (.+?) that the two claim together"
-    apart, name, _, claimed = re.search(told, note.inner_text()).groups()
+    shown = (
+        r"the largest difference is (.+?), in (\S+) at t = (\S+), "
+        r"within the sum of both claimed errors, (.+?): they agree"
+    )
+    apart, name, _, claimed = re.search(shown, note.inner_text()).groups()
     stop = service.call("GET", f"/v1/solutions/{first}/trajectory").document["columns"]["t"][-1]
     columns = "t,p,q,r,g1,g2,g3"
     query = f"start=0&stop={stop!r}&samples=800&columns={columns}"

@@ -5,9 +5,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from typer.testing import CliRunner
+import pytest
 
-from workers.cli.main import app
+from tests.support.commands import polhode
 
 POLHODE = Path(sys.executable).with_name("polhode")
 ATLAS = {
@@ -18,33 +18,39 @@ ATLAS = {
 }
 
 
-def run(tmp_path, *options, document=ATLAS):
-    file = tmp_path / "atlas.json"
-    file.write_text(json.dumps(document), encoding="utf-8")
-    return CliRunner().invoke(app, ["atlas", str(file), *options])
+@pytest.fixture
+def atlas(tmp_path, capsys):
+    """The command within this process: its exit code, what it answers, what it says."""
+
+    def command(*options, document=ATLAS):
+        file = tmp_path / "atlas.json"
+        file.write_text(json.dumps(document), encoding="utf-8")
+        return polhode("atlas", file, *options), *capsys.readouterr()
+
+    return command
 
 
-def test_it_tells_for_which_lambda_there_is_a_motion(tmp_path):
-    lines = run(tmp_path).stdout.splitlines()
+def test_it_tells_for_which_lambda_there_is_a_motion(atlas):
+    lines = atlas()[1].splitlines()
     assert lines[0].startswith("λ from 0.5 to 0.58696474")
     assert lines[0].endswith("no motion")
     assert "a window appears" in lines[1]
     assert "periodic, rest to equator" in lines[3]
 
 
-def test_json_and_a_picture(tmp_path):
+def test_json_and_a_picture(atlas, tmp_path):
     out = tmp_path / "atlas.svg"
-    found = run(tmp_path, "--json", "--picture", str(out))
-    assert found.exit_code == 0
-    assert json.loads(found.stdout)["changes"][0]["kind"] == "window_appears"
+    code, answered, _ = atlas("--json", "--picture", out)
+    assert code == 0
+    assert json.loads(answered)["changes"][0]["kind"] == "window_appears"
     assert out.read_text(encoding="utf-8").startswith("<svg")
-    # The standard output of a process, which the runner of tests does not have.
+    # The standard output of a process, which tests do not have.
     command = [POLHODE, "atlas", str(tmp_path / "atlas.json"), "--picture", "-"]
     printed = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert printed.stdout == out.read_text(encoding="utf-8")
 
 
-def test_stability_is_told_and_drawn(tmp_path):
+def test_stability_is_told_and_drawn(atlas, tmp_path):
     out = tmp_path / "atlas.svg"
     # The windows of one part only: each λ takes as long as a job.
     asked = {
@@ -53,19 +59,18 @@ def test_stability_is_told_and_drawn(tmp_path):
         "lambda": ["3/5", "31/50"],
         "outputs": ["stability"],
     }
-    found = run(tmp_path, "--picture", str(out), document=asked)
-    assert found.exit_code == 0, found.stderr
-    assert "stable at 9 of 9 λ" in found.stdout
+    code, answered, said = atlas("--picture", out, document=asked)
+    assert code == 0, said
+    assert "stable at 9 of 9 λ" in answered
     assert "μ + 1/μ" in out.read_text(encoding="utf-8")
-    refused = run(tmp_path, document={**ATLAS, "outputs": ["stability"]})
-    assert refused.exit_code == 1
-    assert "missing_moment" in refused.stderr
+    code, _, said = atlas(document={**ATLAS, "outputs": ["stability"]})
+    assert code == 1
+    assert "missing_moment" in said
 
 
-def test_what_is_refused(tmp_path):
-    assert run(tmp_path, "--json", "--picture", "-").exit_code == 2
-    refused = run(tmp_path, document={**ATLAS, "lambda": [2, 1]})
-    assert refused.exit_code == 1
-    assert "/lambda/1" in refused.stderr
-    unwritable = run(tmp_path, "--picture", str(tmp_path / "missing" / "x.svg"))
-    assert unwritable.exit_code != 0
+def test_what_is_refused(atlas, tmp_path):
+    assert atlas("--json", "--picture", "-")[0] == 2
+    code, _, said = atlas(document={**ATLAS, "lambda": [2, 1]})
+    assert code == 1
+    assert "/lambda/1" in said
+    assert atlas("--picture", tmp_path / "missing" / "x.svg")[0] == 1

@@ -1,6 +1,7 @@
 """The worker process beside a service is back at once when it was killed; if it cannot live, that is told."""
 
 import errno
+import json
 import subprocess
 import sys
 import threading
@@ -8,7 +9,7 @@ import threading
 import pytest
 
 from service.app import create_app
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.local.worker_process import WorkerProcess
 from service.local.workers import LocalWorkers, Restarts, WorkerStanding
 from service.settings import Settings
@@ -19,8 +20,8 @@ from tests.workers.processes import wait_until
 
 FOREVER = [sys.executable, "-S", "-c", "import signal; signal.pause()"]
 WARM_AT_ONCE = """
-import os, signal, sys
-os.write(int(sys.argv[sys.argv.index("--wake-fd") + 1]), b"warm\\n")
+import json, os, signal, sys
+os.write(json.loads(sys.argv[-1])["wake_fd"], b"warm\\n")
 signal.pause()
 """
 ENDS_AT_THE_SECOND = f"""
@@ -42,15 +43,18 @@ def keep(monkeypatch):
     started = []
 
     def begin(command):
-        monkeypatch.setattr("service.local.workers.worker_command", lambda *given: [*command, *given])
-        bell = Doorbell()
-        started.append((LocalWorkers(Settings(workers=1, grace_seconds=0.0), bell), bell))
+        def with_options(name, **options):
+            return [*command, name, json.dumps(options)]
+
+        monkeypatch.setattr("service.local.workers.worker_command", with_options)
+        wake_up = WakeUpSocket()
+        started.append((LocalWorkers(Settings(workers=1, grace_seconds=0.0), wake_up), wake_up))
         return started[-1][0]
 
     yield begin
-    for workers, bell in started:
+    for workers, wake_up in started:
         workers.stop()
-        bell.close()
+        wake_up.close()
 
 
 def test_a_killed_worker_is_started_again(keep):

@@ -18,6 +18,7 @@ from service.dynamics.problem import Tier
 from service.dynamics.solution.ball_columns import RADIUS
 from service.jobs.records import Refused, Solved
 from service.sandbox import Sandbox
+from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
 from service.storage.codecs.packing import decode_arrays
 from service.storage.database.database import Database
@@ -112,11 +113,11 @@ def calibrate(
         reference = reference_states(case)
         for tier in TIERS:
             step(f"{case.kind}, {case.family}: {tier}")
-            found = _measure(case, tier, reference, effort, seconds_of)
-            if isinstance(found, AccuracyRow):
-                rows.append(found)
+            row = _measure(case, tier, reference, effort, seconds_of)
+            if isinstance(row, AccuracyRow):
+                rows.append(row)
             else:
-                unavailable.append(found)
+                unavailable.append(row)
     return AccuracyTable(
         source=source,
         date=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -139,7 +140,7 @@ def _measure(
 ) -> AccuracyRow | Unavailable:
     document = case.document(tier, SAMPLES)
     try:
-        outcome = solve_document(document)
+        outcome = solve_document(document, read=read_problem)
     except InvalidProblemError as refusal:
         fault = refusal.faults[0]
         return Unavailable(tier, case.kind, case.family, fault.code, fault.message)

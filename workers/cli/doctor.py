@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from random import Random
 
-from sqlalchemy import select
+from sqlalchemy import func, select
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.dynamics.errors import DynamicsError
@@ -18,21 +18,36 @@ from service.dynamics.formula.vanishing import vanishing_parts
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.windows import choose_window, find_windows
+from service.jobs.records import Refused, StoredSolution
 from service.logs import one_line
-from service.sandbox import Sandbox
+from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
 from service.settings import Settings, read_settings
 from service.storage.database.database import Database
 from service.storage.inspection.blob_inspection import check_blobs, repair_examinations
 from service.storage.inspection.inspect import EXAMPLES, Finding, check_schema, inspect, repair
+from service.storage.jobs.claiming import stored_solutions
 from service.storage.tables.solutions import SolutionRow
 from service.terminal import answer, say
-from workers.computation.audit import Sameness
-from workers.computation.reproduction import Repetition, repeat_solutions
+from workers.computation.audit import Sameness, audit_document
 
 PACKETS = 100
 """Packets of each kind that are read without --all."""
+
+
+@dataclass(frozen=True, slots=True)
+class Repetition:
+    """The result of solving one solution again."""
+
+    solution: str
+    sameness: Sameness
+    detail: str
+
+    @property
+    def is_clean(self) -> bool:
+        """The stored numbers are confirmed."""
+        return self.sameness in (Sameness.IDENTICAL, Sameness.WITHIN_ERRORS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,12 +105,44 @@ def _mend(database: Database) -> Iterator[Finding]:
 def _repeat(database: Database, settings: Settings, count: int, random: Random) -> list[Repetition]:
     if count == 0:
         return []
-    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=["workers.computation.compute"])
+    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=[audit_document.__module__])
     try:
         seconds = settings.job_seconds
         return list(repeat_solutions(database, sandbox, count=count, seconds=seconds, random=random))
     finally:
         sandbox.close()
+
+
+def repeat_solutions(
+    database: Database, sandbox: Sandbox, *, count: int, seconds: float, random: Random
+) -> Iterator[Repetition]:
+    """Solve ``count`` of the stored problems, chosen by ``random``, in ``seconds`` each at most; compare."""
+    with database.read() as session:
+        total = session.scalar(select(func.count()).select_from(SolutionRow)) or 0
+    for position in random.sample(range(total), min(count, total)):
+        one = select(SolutionRow.id).order_by(SolutionRow.id).offset(position).limit(1)
+        with database.read() as session:
+            stored = stored_solutions(session.connection(), session.scalars(one).all())
+        for solution_id, solution in stored.items():
+            yield _audited(solution_id, solution, sandbox, seconds)
+
+
+def _audited(solution_id: str, stored: StoredSolution, sandbox: Sandbox, seconds: float) -> Repetition:
+    """Return what an audit of a solution finds."""
+    try:
+        outcome = sandbox.run(audit_document, json.dumps(stored.problem), "", stored, seconds=seconds)
+    except (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError) as fault:
+        return Repetition(solution_id, Sameness.FAILED, f"it cannot be solved again: {fault}")
+    if isinstance(outcome, Refused):
+        detail = "it cannot be solved again: {code}: {detail}".format(**outcome.error)
+        return Repetition(solution_id, Sameness.FAILED, detail)
+    comparison = outcome.comparison
+    assert comparison is not None
+    if comparison["identical"]:
+        sameness = Sameness.IDENTICAL
+    else:
+        sameness = Sameness.WITHIN_ERRORS if comparison["verdict"] == "agrees" else Sameness.DIFFERENT
+    return Repetition(solution_id, sameness, str(comparison["detail"]))
 
 
 def _document(report: Report) -> dict[str, object]:

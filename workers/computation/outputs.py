@@ -1,16 +1,28 @@
-"""Computes the outputs beyond the six variables that a problem asks for."""
+"""Computes what a problem asks for beyond the six variables, in units and with errors that keep its accuracy.
 
-from collections.abc import Mapping
+What was computed is held against the accuracy that was asked for; where the client's units do not allow it,
+it is computed in units of the motion.
+"""
+
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import isfinite
+from math import inf, isfinite
+from typing import TypeVar
 
 import numpy as np
 from flint import ctx
 
 from service.dynamics.accuracy import SMALLEST_TOLERANCE, GroupError, keeps
+from service.dynamics.bounds import is_within, largest
 from service.dynamics.classical.classification import relations_of
 from service.dynamics.equations.euler_poisson import areas_integral
+from service.dynamics.equations.orientation import (
+    PRECESSION,
+    QUATERNION,
+    orientation_columns,
+    orientation_errors,
+)
 from service.dynamics.errors import DynamicsError
 from service.dynamics.further_integrals import (
     FurtherIntegral,
@@ -19,30 +31,30 @@ from service.dynamics.further_integrals import (
 from service.dynamics.motion import NO_CROSS_CHECK, Estimate, Motion
 from service.dynamics.potentials.potential import Notice
 from service.dynamics.potentials.recognition.three_terms import recognise
-from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem
+from service.dynamics.problem import Accuracy, ClassicalMotion, PlanarMotion, Problem, StateMotion
 from service.dynamics.solution.dense_output import DenseOutput
 from service.storage.codecs.summary import PROVEN_SAMPLES
-from workers.computation.promises import errors_of_attitude
 from workers.solvers.assembly.families import Place
-from workers.solvers.choose import compiled_tier, find_motion, with_enough_bits
+from workers.solvers.choose import QUICK_SPEED, compiled_tier, find_motion, with_enough_bits
 from workers.solvers.classical.solve import place_motion
 from workers.solvers.closed_form.lame import transverse_stability
-from workers.solvers.errors import AccuracyNotMetError
+from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError
 from workers.solvers.evidence import Drifts, further_drift, measure_drifts
+from workers.solvers.integration.errors import StepCollapseError
 from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.orientation.solve import Orientation, with_orientation
 from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.assessment import Stability, assess_stability
 from workers.solvers.stability.monodromy import StabilityUndefinedError
-from workers.solvers.units import Units
+from workers.solvers.units import Units, speed_of, speed_of_state
 from workers.solvers.ways import is_plain
 
 LAME_BITS = 128
-DOUBLES = ("draft", "standard")
+TIERS_IN_DOUBLES = ("draft", "standard")
 """Compiled tiers whose promise doubles keep for the outputs too."""
-FINER = 0.5
+ATTITUDE_ERROR_SHARE = 0.5
 """Share of the error that a motion may have for its attitude, which is asked of a second one."""
-ZERO_AREAS = 1e-12
+ZERO_AREAS_SHARE = 1e-12
 """|I3| below this share of the angular momentum counts as zero: that is its rounding."""
 
 
@@ -56,7 +68,7 @@ class FurtherDrift:
 
 
 @dataclass(frozen=True, slots=True)
-class Findings:
+class Outputs:
     """Each is None, or empty, unless it was asked for."""
 
     drifts: Drifts | None
@@ -80,7 +92,7 @@ class InUnits:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def find_out(problem: Problem, motion: Motion, solved: InUnits) -> Findings:
+def compute_outputs(problem: Problem, motion: Motion, solved: InUnits) -> Outputs:
     """Return what the problem's outputs ask for; raises what the solvers of its parts raise.
 
     Integrals of numbers that are large enough are beyond doubles, and not told.
@@ -106,17 +118,17 @@ def find_out(problem: Problem, motion: Motion, solved: InUnits) -> Findings:
         notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
     if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
         try:
-            found = _stability(solved.problem, problem.motion, solved.motion)
-            stability = _finite(solved.units.stability(found))
+            assessed = _stability(solved.problem, problem.motion, solved.motion)
+            stability = _finite(solved.units.stability(assessed))
             closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
-    return Findings(drifts, further, orientation, stability, closed_trace, tuple(notices), relations)
+    return Outputs(drifts, further, orientation, stability, closed_trace, tuple(notices), relations)
 
 
 def takes_doubles(problem: Problem) -> bool:
     """Tell whether the outputs of a problem are tried in compiled doubles first, as its motion is."""
-    return compiled_tier(problem) in DOUBLES and not is_plain()
+    return compiled_tier(problem) in TIERS_IN_DOUBLES and not is_plain()
 
 
 def _orientation(problem: Problem, motion: Motion) -> Orientation:
@@ -129,21 +141,22 @@ def _orientation(problem: Problem, motion: Motion) -> Orientation:
     AccuracyNotMetError
         That of a finer motion does not keep it either.
     """
-    found = _attitude(problem, motion)
-    missed = _missed(problem, motion, found.dense)
+    orientation = _attitude(problem, motion)
+    missed = _missed(problem, motion, orientation.dense)
     if missed is None:
-        return found
+        return orientation
     # What the attitude makes of the errors of the variables is known by now.
     group = missed[1]
-    finer = FINER * motion.dense.error * problem.tolerance * max(1.0, group.size) / group.absolute
+    share = ATTITUDE_ERROR_SHARE * motion.dense.error * problem.tolerance
+    finer = share * max(1.0, group.size) / group.absolute
     finer = min(max(finer, float(SMALLEST_TOLERANCE)), problem.tolerance)
     with suppress(DynamicsError):
         other = find_motion(replace(problem, accuracy=replace(problem.accuracy, tolerance=finer)))
-        found = _attitude(problem, other)
-        missed = _missed(problem, motion, found.dense)
+        orientation = _attitude(problem, other)
+        missed = _missed(problem, motion, orientation.dense)
     if missed is not None:
         raise AccuracyNotMetError(missed[1].absolute, problem.tolerance, group=missed)
-    return found
+    return orientation
 
 
 def _missed(problem: Problem, motion: Motion, attitude: DenseOutput) -> tuple[str, GroupError] | None:
@@ -172,33 +185,39 @@ def _stability(problem: Problem, planar: PlanarMotion, motion: Motion) -> Stabil
         # The compiler is loaded only where it is needed.
         from workers.solvers.stability.by_doubles import stability_by_doubles  # noqa: PLC0415
 
-        found = stability_by_doubles(
+        stability = stability_by_doubles(
             problem.body, problem.potential, planar, motion.window, problem.tolerance
         )
-        if found is not None:
-            return found
+        if stability is not None:
+            return stability
     return with_enough_bits(problem, _assess)
 
 
-def _finite(found: Stability) -> Stability:
+def _finite(stability: Stability) -> Stability:
     """Return the stability if doubles have it; raises StabilityUndefinedError."""
-    numbers = found.trace, found.error, found.multipliers_error, found.exponent, found.exponent_error
+    numbers = (
+        stability.trace,
+        stability.error,
+        stability.multipliers_error,
+        stability.exponent,
+        stability.exponent_error,
+    )
     if not all(map(isfinite, numbers)):
         raise StabilityUndefinedError(
             "the multipliers, or their errors, are beyond all doubles", pointer="/outputs"
         )
-    return found
+    return stability
 
 
-def _assess(problem: Problem, found: Place) -> Stability:
-    if found.window.kind != "periodic":
+def _assess(problem: Problem, placed: Place) -> Stability:
+    if placed.window.kind != "periodic":
         raise StabilityUndefinedError(
-            f"multipliers belong to periodic motions, and this one is not periodic ({found.window.kind})",
+            f"multipliers belong to periodic motions, and this one is not periodic ({placed.window.kind})",
             pointer="/outputs",
         )
-    orbit = make_orbit(found.start)
+    orbit = make_orbit(placed.start)
     period = time_map_of(orbit).period
-    return assess_stability(problem.body, problem.potential, found.start, period, problem.tolerance)
+    return assess_stability(problem.body, problem.potential, placed.start, period, problem.tolerance)
 
 
 def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
@@ -217,8 +236,8 @@ def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
 def _further(problem: Problem, motion: Motion) -> tuple[FurtherDrift, ...]:
     planar = isinstance(problem.motion, PlanarMotion)
     sign = problem.motion.sign_of_g1 if isinstance(problem.motion, PlanarMotion) else None
-    found = find_further_integrals(problem.body, problem.potential, g1_sign=sign)
-    kept = (k for k in found if k.kind == "general" or planar or _has_zero_areas(problem, motion))
+    integrals = find_further_integrals(problem.body, problem.potential, g1_sign=sign)
+    kept = (k for k in integrals if k.kind == "general" or planar or _has_zero_areas(problem, motion))
     return tuple(FurtherDrift(k, *further_drift(k, motion.samples)) for k in kept)
 
 
@@ -226,4 +245,118 @@ def _has_zero_areas(problem: Problem, motion: Motion) -> bool:
     omega, gamma = motion.samples[:1, :3], motion.samples[:1, 3:]
     moments = [float(moment) for moment in (problem.body.A, problem.body.B or 0, problem.body.C)]
     momentum = float(np.linalg.norm(np.array(moments) * omega))
-    return abs(float(areas_integral(problem.body, omega, gamma)[0])) <= ZERO_AREAS * momentum
+    return abs(float(areas_integral(problem.body, omega, gamma)[0])) <= ZERO_AREAS_SHARE * momentum
+
+
+T = TypeVar("T")
+
+ERRORS_WITHOUT_TIMES = (AccuracyNotMetError, OwnUnitsNeededError)
+"""Errors that tell no times: others would tell them in the units they were met in."""
+
+
+def in_units(problem: Problem, solve: Callable[[Units], T]) -> T:
+    """Return ``solve`` of the units in which the motion keeps what is asked, which may be the client's own.
+
+    Raises
+    ------
+    AccuracyNotMetError
+        It is not kept in either.
+    """
+    accuracy = problem.accuracy
+    if accuracy.measure == "relative" or _is_quick(problem):
+        return _in_own(problem, speed_of(problem), solve)
+    try:
+        return solve(Units())
+    except (*ERRORS_WITHOUT_TIMES, StepCollapseError) as missed:
+        if isinstance(missed, AccuracyNotMetError) and type(missed) not in ERRORS_WITHOUT_TIMES:
+            raise
+        speed = missed.speed if isinstance(missed, OwnUnitsNeededError) else speed_of(problem)
+        reached = missed.reached if isinstance(missed, AccuracyNotMetError) else inf
+        # Less of the error than this may be that of γ, but then more of it is that of ω.
+        may_do = (
+            is_within(reached, 2.0 * speed * accuracy.tolerance) if reached < inf else speed >= QUICK_SPEED
+        )
+        is_relative = accuracy.measure == "above 1" or isinstance(missed, StepCollapseError)
+        if is_relative and speed >= 2.0 and may_do:
+            return _in_own(problem, speed, solve)
+        is_plain = isinstance(missed, AccuracyNotMetError) and missed.group is None
+        if is_plain and 1.0 < speed < inf:
+            raise _of_both(reached, accuracy.tolerance, speed) from None
+        raise
+
+
+def _is_quick(problem: Problem) -> bool:
+    """Tell whether a motion is so quick that it is solved in its own units from the beginning.
+
+    Of planar motions in doubles, and of classical ones, this is seen when they miss what is asked.
+    """
+    if isinstance(problem.motion, StateMotion):
+        return speed_of_state(problem.motion) >= QUICK_SPEED
+    is_proven = problem.accuracy.tier == "certified" and isinstance(problem.motion, PlanarMotion)
+    return is_proven and speed_of(problem) >= QUICK_SPEED
+
+
+def _in_own(problem: Problem, speed: float, solve: Callable[[Units], T]) -> T:
+    units, accuracy = Units.of(speed, problem.body), problem.accuracy
+    try:
+        return solve(units)
+    except DynamicsError as fault:
+        if isinstance(fault, AccuracyNotMetError) and fault.group is not None:
+            raise
+        if type(fault) in ERRORS_WITHOUT_TIMES and isinstance(fault, AccuracyNotMetError) and speed > 0.0:
+            reached = fault.reached * max(1.0, units.quick)
+            is_relative = accuracy.measure != "absolute"
+            raise _of_both(reached, accuracy.tolerance, speed, is_relative=is_relative) from None
+        if not units.k:
+            raise
+    # What is told of times, and how the motion ends, is told in the client's units.
+    return solve(Units())
+
+
+def _of_both(
+    reached: float, tolerance: float, speed: float, *, is_relative: bool = False
+) -> AccuracyNotMetError:
+    """Return the error that tells an absolute error and one relative to the speed."""
+    group = ("omega", GroupError(reached, speed))
+    return AccuracyNotMetError(reached, tolerance, group=group, is_relative=is_relative)
+
+
+def errors_of(motion: Motion, attitude: DenseOutput | None) -> dict[str, GroupError]:
+    """Return the errors by groups over the asked times, beside their sizes; none without samples."""
+    if not len(motion.times):
+        return {}
+    return {**motion.group_errors, **({} if attitude is None else errors_of_attitude(motion, attitude))}
+
+
+def errors_of_attitude(motion: Motion, attitude: DenseOutput) -> dict[str, GroupError]:
+    """Return the errors of the quaternion and of each angle over the asked times, beside their sizes."""
+    columns = orientation_columns(attitude, motion.times, motion.low_parts)
+    errors = orientation_errors(attitude, motion.times)
+    groups = {"quaternion": QUATERNION, **{name: (name,) for name in PRECESSION if name in columns}}
+    return {
+        group: GroupError(
+            largest(errors[name] for name in names),
+            largest(float(np.abs(columns[name]).max(initial=0.0)) for name in names),
+        )
+        for group, names in groups.items()
+    }
+
+
+def require_promise(accuracy: Accuracy, groups: Mapping[str, GroupError]) -> None:
+    """Refuse errors that are more than was asked for.
+
+    Tiers and absolute tolerances of the attitude are kept where it is computed; and the tier ``certified``
+    promises its proven radii, not what doubles make of them.
+
+    Raises
+    ------
+    AccuracyNotMetError
+        They are.
+    """
+    is_relative = accuracy.measure == "relative"
+    for name, group in groups.items():
+        is_asked = is_relative or (name in ("omega", "gamma") and accuracy.tier != "certified")
+        if is_asked and not keeps(accuracy, [group]):
+            raise AccuracyNotMetError(
+                group.absolute, accuracy.tolerance, group=(name, group), is_relative=is_relative
+            )

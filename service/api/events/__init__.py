@@ -1,1 +1,1 @@
-"""Follows jobs, sweeps and the installation for streams of events: one look at the database for all."""
+"""Follows jobs, sweeps and the installation for streams of events: one poll of the database for all."""

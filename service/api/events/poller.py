@@ -26,7 +26,7 @@ STATUS = "status"
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class Event:
     """One event."""
 
     name: str
@@ -50,9 +50,9 @@ class Told:
         return head + self.data + b"\n\n"
 
 
-def end_of(reason: str, at: float) -> Told:
+def end_of(reason: str, at: float) -> Event:
     """Return the last event of a stream."""
-    return Told(END, at, json.dumps({"reason": reason}).encode("ascii"), is_final=True)
+    return Event(END, at, json.dumps({"reason": reason}).encode("ascii"), is_final=True)
 
 
 def id_of_position(at: float) -> str:
@@ -71,15 +71,15 @@ def position_of_id(text: str | None) -> float | None:
 
 Subject = tuple[Followable, str]
 """A job or a sweep by its id."""
-Place = tuple[float, str | None]
+Position = tuple[float, str | None]
 """In the order of changes: an instant, and an id among what changed at that instant."""
 
 MOST_AT_ONCE = 500
-"""Events made by one look; beyond, streams read the changes in pages, each as fast as its client."""
+"""Events made by one poll; beyond, streams read the changes in pages, each as fast as its client."""
 STATUS_SECONDS = 1.0
-"""How often the status is looked at."""
+"""Time between two reads of the status at least."""
 STATUS_SHARE = 20.0
-"""A status that took a second is looked at every so many seconds."""
+"""A status that took a second to read is read every so many seconds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,38 +89,38 @@ class Documents:
     job: Callable[[Job], bytes]
     sweep: Callable[[SweepRecord], bytes]
     status: Callable[[], tuple[bytes, object]]
-    """The document, and what must change for it to be told again: not its instants and ages."""
+    """The document, and what must change for it to be sent again: not its instants and ages."""
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
-    """The changes in the installation that one look at the database found."""
+class Snapshot:
+    """The changes in the installation that one poll of the database found."""
 
-    told: tuple[Told, ...]
+    events: tuple[Event, ...]
     is_complete: bool
     """False if there is more than was made."""
-    status: Told
-    """As it was looked at last, whether or not it is new."""
+    status: Event
+    """As it was read last, whether or not it is new."""
 
 
-class Lookout:
-    """Reads what has changed since the last look.
+class ChangePoller:
+    """Reads what has changed since the last poll.
 
-    One thread looks; any thread may ask for pages.
+    One thread polls; any thread may ask for pages.
     """
 
     def __init__(self, changes: ChangeReader, sweeps: SweepStore, documents: Documents) -> None:
         self._changes, self._sweeps, self._documents = changes, sweeps, documents
         self._position: float | None = None
         self._seen: dict[Subject, float] = {}
-        """Changes of late that were reported: a later look finds them again."""
-        self._status: Told | None = None
+        """Changes of late that were reported: a later poll finds them again."""
+        self._status: Event | None = None
         self._substance: object = None
         self._status_due = 0.0
 
-    def look_at(self, known: Mapping[Subject, float | None]) -> dict[Subject, Told | None]:
-        """Return what has another last change than is ``known``; None in the place of what is gone."""
-        found: dict[Subject, Told | None] = {}
+    def poll_subjects(self, known: Mapping[Subject, float | None]) -> dict[Subject, Event | None]:
+        """Return what has another last change than is ``known``; None for what is gone."""
+        found: dict[Subject, Event | None] = {}
         for kind in Followable:
             ids = [subject[1] for subject in known if subject[0] is kind]
             if not ids:
@@ -128,50 +128,50 @@ class Lookout:
             now = self._changes.of(kind, ids)
             found.update({(kind, each): None for each in ids if each not in now})
             changed = [LastChange(at, each, kind) for each, at in now.items() if known[kind, each] != at]
-            found.update(self._tell(changed))
+            found.update(self._events_of(changed))
         return found
 
-    def look_around(self) -> Surroundings:
-        """Return what is new since the last look; of a first look nothing but the status."""
+    def poll(self) -> Snapshot:
+        """Return what is new since the last poll; of a first poll nothing but the status."""
         is_first = self._position is None
         now, changes = self._changes.since(float("inf") if self._position is None else self._position)
         new = [] if is_first else [each for each in changes if self._seen.get(_subject(each)) != each.at]
         is_complete = len(new) <= MOST_AT_ONCE
-        found = self._tell(new) if is_complete else {}
+        found = self._events_of(new) if is_complete else {}
         self._position = now
         self._seen = {_subject(each): each.at for each in changes}
-        # What has changed once more since, is told as it is now.
+        # What has changed once more since, is reported as it is now.
         self._seen |= {subject: each.at for subject, each in found.items()}
-        told = sorted(found.values(), key=lambda each: each.at)
+        events = sorted(found.values(), key=lambda each: each.at)
         status = self._status
         if status is None or time.monotonic() >= self._status_due:
-            status, is_new = self._look_at_status(now)
-            told += [status] if is_new else []
-        return Surroundings(tuple(told), is_complete, status)
+            status, is_new = self._poll_status(now)
+            events += [status] if is_new else []
+        return Snapshot(tuple(events), is_complete, status)
 
     def forget(self) -> None:
-        """Begin anew with the next look, since nobody has been listening."""
+        """Begin anew with the next poll, since nobody has been listening."""
         self._position, self._status, self._substance, self._seen = None, None, None, {}
 
-    def page(self, after: Place, limit: int) -> tuple[list[Told], Place | None]:
+    def page(self, after: Position, limit: int) -> tuple[list[Event], Position | None]:
         """Return the next events after an instant and an id, and where to go on; None at the end."""
         changes = self._changes.page(after, limit)
-        told = self._tell(changes)
-        events = [told[_subject(each)] for each in changes if _subject(each) in told]
+        found = self._events_of(changes)
+        events = [found[_subject(each)] for each in changes if _subject(each) in found]
         return events, (changes[-1].at, changes[-1].id) if len(changes) == limit else None
 
     def now(self) -> float:
         """Return the time of the database's clock."""
         return self._changes.now()
 
-    def _tell(self, changes: Iterable[LastChange]) -> dict[Subject, Told]:
+    def _events_of(self, changes: Iterable[LastChange]) -> dict[Subject, Event]:
         """Return the present state of what changed, with its last change as it is read now."""
-        found: dict[Subject, Told] = {}
+        found: dict[Subject, Event] = {}
         given = list(changes)
         jobs = [each.id for each in given if each.kind is Followable.JOB]
         for at, job in self._changes.jobs(jobs):
             data = self._documents.job(job)
-            found[Followable.JOB, job.id] = Told(Followable.JOB, at, data, job.is_finished, job.id)
+            found[Followable.JOB, job.id] = Event(Followable.JOB, at, data, job.is_finished, job.id)
         for each in given:
             if each.kind is not Followable.SWEEP:
                 continue
@@ -180,18 +180,18 @@ class Lookout:
             except SweepNotFoundError:  # deleted meanwhile
                 continue
             is_final = sweep.finished_at is not None
-            told = Told(Followable.SWEEP, each.at, self._documents.sweep(sweep), is_final, sweep.id)
-            found[Followable.SWEEP, each.id] = told
+            event = Event(Followable.SWEEP, each.at, self._documents.sweep(sweep), is_final, sweep.id)
+            found[Followable.SWEEP, each.id] = event
         return found
 
-    def _look_at_status(self, at: float) -> tuple[Told, bool]:
+    def _poll_status(self, at: float) -> tuple[Event, bool]:
         """Return the status, and whether anything in it is new."""
         began = time.monotonic()
         document, substance = self._documents.status()
         ended = time.monotonic()
         self._status_due = ended + max(STATUS_SECONDS, STATUS_SHARE * (ended - began))
         is_new = substance != self._substance
-        self._status, self._substance = Told(STATUS, at, document), substance
+        self._status, self._substance = Event(STATUS, at, document), substance
         return self._status, is_new
 
 

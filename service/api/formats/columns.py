@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.jobs.records import SweepRecord
+from service.schemas.reading.documents import Document
 from service.versions import version_of
 
 ColumnKind = Literal["integer", "number", "word", "series"]
@@ -68,9 +69,9 @@ def units_of(columns: Iterable[str]) -> dict[str, str]:
     return {name: _UNITS[name] for name in columns if name in _UNITS}
 
 
-def metadata(about: Mapping[str, object]) -> dict[str, str]:
-    """Return the metadata of a file: each thing as JSON."""
-    return {PREFIX + name: json.dumps(thing, allow_nan=False) for name, thing in about.items()}
+def metadata(about: Document) -> dict[str, str]:
+    """Return the metadata of a file: each value as JSON."""
+    return {PREFIX + name: json.dumps(value, allow_nan=False) for name, value in about.items()}
 
 
 def about_points(record: SweepRecord, columns: Sequence[str], series: Sequence[str]) -> dict[str, str]:
@@ -86,7 +87,7 @@ def about_points(record: SweepRecord, columns: Sequence[str], series: Sequence[s
     )
 
 
-def provenance_of_points(record: SweepRecord) -> dict[str, object]:
+def provenance_of_points(record: SweepRecord) -> Document:
     """Return what computed the points, and how many there are."""
     return {
         "version": version_of("polhode"),
@@ -118,13 +119,13 @@ def npz_file(arrays: Mapping[str, NDArray[np.generic]]) -> bytes:
 
 
 def coded(words: NDArray[np.object_]) -> tuple[NDArray[np.int16], NDArray[np.str_]]:
-    """Return for each word its place in the list of the words that occur, and that list.
+    """Return for each word its index in the list of the words that occur, and that list.
 
-    The place of None is ``NOT_COMPUTED``. As text of fixed length a million words would be 40 MB.
+    The index of None is ``NOT_COMPUTED``. As text of fixed length a million words would be 40 MB.
     """
     flat: list[str | None] = words.ravel().tolist()
     found = dict.fromkeys(word for word in flat if word is not None)
-    places: dict[str | None, int] = {None: NOT_COMPUTED}
-    places.update((word, place) for place, word in enumerate(found))
-    codes = np.fromiter(map(places.__getitem__, flat), dtype=np.int16, count=len(flat))
+    indices: dict[str | None, int] = {None: NOT_COMPUTED}
+    indices.update((word, index) for index, word in enumerate(found))
+    codes = np.fromiter(map(indices.__getitem__, flat), dtype=np.int16, count=len(flat))
     return codes.reshape(words.shape), np.array(list(found), dtype=np.str_)

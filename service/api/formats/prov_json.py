@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from urllib.parse import quote
 
 from service.jobs.records import Attempt, AttemptOutcome
+from service.schemas.reading.documents import Part
 from service.schemas.replies.solution import ProvenanceGraphOut, Records
 from service.storage.solutions.origin import SolutionOrigin
 
@@ -41,8 +42,8 @@ def provenance_graph(origin: SolutionOrigin) -> ProvenanceGraphOut:
     """Return the problem, what was done with it, by whom and with what, and the solution."""
     graph = _Graph()
     summary = origin.solution.summary
-    told = summary.get("provenance")
-    versions = dict(told) if isinstance(told, Mapping) else {}
+    provenance = summary.get("provenance")
+    versions = dict(provenance) if isinstance(provenance, Mapping) else {}
     problem, solution = _name("problem", origin.digest), _name("solution", origin.solution.id)
     graph.entities[problem] = {
         "prov:type": "polhode:Problem",
@@ -92,45 +93,45 @@ def _examine(graph: _Graph, origin: SolutionOrigin, problem: str) -> str | None:
     windows = _name("windows", origin.examination)
     activity = _name("examination", origin.examination)
     graph.entities[windows] = {"prov:type": "polhode:Windows", "polhode:key": origin.examination}
-    told: dict[str, object] = {"prov:type": "polhode:Examination"}
+    attributes: dict[str, object] = {"prov:type": "polhode:Examination"}
     if origin.examined_seconds is not None:
-        told["polhode:seconds"] = origin.examined_seconds
-    graph.activities[activity] = told
+        attributes["polhode:seconds"] = origin.examined_seconds
+    graph.activities[activity] = attributes
     graph.use(activity, problem)
     graph.generate(windows, activity)
     graph.derive(windows, problem)
     return windows
 
 
-def _attempt(graph: _Graph, origin: SolutionOrigin, attempt: Attempt, versions: Mapping[str, object]) -> str:
+def _attempt(graph: _Graph, origin: SolutionOrigin, attempt: Attempt, versions: Part) -> str:
     activity = _name("job", origin.solution.job_id, "attempt", str(attempt.number))
     worker = _name("worker", attempt.worker)
-    told: dict[str, object] = {
+    attributes: dict[str, object] = {
         "prov:type": "polhode:Computation",
         "prov:startTime": attempt.started_at.isoformat(),
     }
     if attempt.ended_at is not None:
-        told["prov:endTime"] = attempt.ended_at.isoformat()
+        attributes["prov:endTime"] = attempt.ended_at.isoformat()
     if attempt.outcome is not None:
-        told["polhode:outcome"] = attempt.outcome.value
+        attributes["polhode:outcome"] = attempt.outcome.value
     if attempt.outcome is AttemptOutcome.SUCCEEDED:
-        told |= {
+        attributes |= {
             f"polhode:{name}": versions[name]
             for name in ("numerics", "processor", "threads")
             if versions.get(name)
         }
         cost = origin.solution.summary.get("cost")
         if isinstance(cost, Mapping) and "compute_seconds" in cost:
-            told["polhode:compute_seconds"] = cost["compute_seconds"]
+            attributes["polhode:compute_seconds"] = cost["compute_seconds"]
     elif attempt.detail is not None:
-        told["polhode:reason"] = attempt.detail
-    graph.activities[activity] = told
+        attributes["polhode:reason"] = attempt.detail
+    graph.activities[activity] = attributes
     graph.agents[worker] = {"prov:type": _SOFTWARE, "prov:label": attempt.worker}
     graph.associate(activity, worker)
     return activity
 
 
-def _software(versions: Mapping[str, object]) -> Iterator[tuple[str, str]]:
+def _software(versions: Part) -> Iterator[tuple[str, str]]:
     """Yield the identifier and the name, with its version, of polhode and of each library."""
     named = [f"polhode {versions['version']}"] if "version" in versions else []
     if versions.get("libraries"):
@@ -139,7 +140,7 @@ def _software(versions: Mapping[str, object]) -> Iterator[tuple[str, str]]:
         yield _name("software", name), name
 
 
-def _relate(relations: Records, name: str, related: Mapping[str, object]) -> None:
+def _relate(relations: Records, name: str, related: Part) -> None:
     relations[f"_:{name}{len(relations) + 1}"] = dict(related)
 
 

@@ -22,22 +22,22 @@ _NAMED = 3
 
 
 class ByShape(Generic[T]):
-    """Things that belong to templates of paths.
+    """A mapping from templates of paths to values.
 
     Parameters
     ----------
     rows
-        Template and thing; the order is kept among things of one shape.
+        Template and value; the order is kept among values of one shape.
     """
 
     def __init__(self, rows: Iterable[tuple[str, T]]) -> None:
-        self._things: dict[tuple[int, str], list[T]] = {}
-        for template, thing in rows:
-            self._things.setdefault(_shape(template), []).append(thing)
+        self._values: dict[tuple[int, str], list[T]] = {}
+        for template, value in rows:
+            self._values.setdefault(_shape(template), []).append(value)
 
     def of(self, path: str) -> Sequence[T]:
-        """Return the things of the templates that look like ``path``; others cannot match it."""
-        return self._things.get(_shape(path), ())
+        """Return the values of the templates that look like ``path``; others cannot match it."""
+        return self._values.get(_shape(path), ())
 
 
 def _shape(path: str) -> tuple[int, str]:

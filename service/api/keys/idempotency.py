@@ -58,13 +58,13 @@ def receipt_of(given: GivenKey | None, answer: Callable[[Made], Response]) -> Re
 
 
 def given_answer(response: Response) -> GivenAnswer:
-    """Return an answer as it is kept."""
+    """Return an answer as it is stored."""
     headers = {name: response.headers[name] for name in _KEPT_HEADERS if name in response.headers}
     return GivenAnswer(response.status_code, headers, bytes(response.body))
 
 
-class IdempotencyDesk:
-    """Gives answers again. Thread-safe.
+class IdempotencyGuard:
+    """Answers a request that is sent again with its first answer. Thread-safe.
 
     Requests at work are known in this process alone. If two processes get the same key at
     once, both work, and the database lets only one of them store anything: the other gives its answer.
@@ -105,16 +105,16 @@ class IdempotencyDesk:
 
     @contextmanager
     def _hold(self, given: GivenKey) -> Iterator[None]:
-        place = given.principal, given.key
+        entry = given.principal, given.key
         with self._lock:
-            if place in self._at_work:
+            if entry in self._at_work:
                 raise _in_use()
-            self._at_work.add(place)
+            self._at_work.add(entry)
         try:
             yield
         finally:
             with self._lock:
-                self._at_work.discard(place)
+                self._at_work.discard(entry)
 
     def _again(self, given: GivenKey) -> Response | None:
         found = self._store.find(given)

@@ -31,8 +31,8 @@ class TokenBucket:
         self._size = max(1.0, rate)
         self._tokens, self._filled_at = self._size, now
 
-    def told(self) -> dict[str, str]:
-        """Return what a client is told of the bucket, by the draft of the RateLimit headers.
+    def headers(self) -> dict[str, str]:
+        """Return the state of the bucket as headers, by the draft of the RateLimit headers.
 
         ``q`` requests are accepted in ``w`` seconds; ``r`` are left, all of them again after ``t`` seconds.
         """
@@ -94,11 +94,11 @@ class LimitGuard:
             bucket = self._buckets.get(_id(key))
             if bucket is None or bucket.rate != rate:
                 bucket = self._buckets[_id(key)] = TokenBucket(rate, now)
-            wait, told = bucket.take(now), bucket.told()
+            wait, headers = bucket.take(now), bucket.headers()
         if wait > 0:
             refusal = f"at most {rate:g} requests per second are accepted"
-            raise _too_many("too_many_requests", refusal, wait, told)
-        return told
+            raise _too_many("too_many_requests", refusal, wait, headers)
+        return headers
 
     def reserve_jobs(self, key: ApiKey | None, count: int = 1) -> None:
         """Admit ``count`` jobs to the queue.
@@ -183,8 +183,8 @@ def _too_many_samples(pointer: str, samples: int, settings: Settings) -> Fault:
     return Fault(pointer, "out_of_range", f"{samples} samples; 1 to {settings.max_samples} are accepted here")
 
 
-def _too_many(code: str, detail: str, seconds: float, told: Mapping[str, str] = {}) -> ApiError:
-    headers = {"Retry-After": str(math.ceil(seconds)), **told}
+def _too_many(code: str, detail: str, seconds: float, headers: Mapping[str, str] = {}) -> ApiError:
+    headers = {"Retry-After": str(math.ceil(seconds)), **headers}
     return ApiError(HTTPStatus.TOO_MANY_REQUESTS, code, detail, headers=headers)
 
 

@@ -97,7 +97,7 @@ async def respond(request: Request, error: Exception) -> Response:
 
 
 def refusal_of(error: Exception) -> ApiError:
-    """Return what a client is told about ``error``, without internal details."""
+    """Return what the answer says about ``error``, without internal details."""
     unprocessable = HTTPStatus.UNPROCESSABLE_ENTITY
     match error:
         case ApiError():
@@ -142,7 +142,7 @@ def refusal_of(error: Exception) -> ApiError:
             detail = "the computation of the verdict crashed twice; a simpler formula may get one"
             return ApiError(unprocessable, "verdict_crashed", detail)
         case SearchTimeError():
-            detail = f"{error}; ?estimate=true tells which part of the query takes long"
+            detail = f"{error}; ?estimate=true shows which part of the query takes long"
             return ApiError(unprocessable, "query_time_limit", detail)
         case Exception() if is_away(error):
             detail = "the database cannot be reached at the moment; try again later"
@@ -165,8 +165,8 @@ def _of_http(error: HTTPException) -> ApiError:
 def _query_faults(error: RequestValidationError) -> list[Fault]:
     faults = []
     for entry in error.errors():
-        place, *names = entry["loc"]
-        pointer = ("?" if place == "query" else f"{place} ") + ".".join(map(str, names))
+        part, *names = entry["loc"]
+        pointer = ("?" if part == "query" else f"{part} ") + ".".join(map(str, names))
         code, message = entry["type"], entry["msg"]
         if code == "extra_forbidden":
             code, message = "unknown_parameter", "this endpoint has no such parameter"

@@ -58,22 +58,22 @@ _NEAR = 1000
 
 
 def heavy(endpoint: Callable[P, Response]) -> Callable[P, Awaitable[Response]]:
-    """Return an endpoint that computes or builds much, made to wait for its place.
+    """Return an endpoint that computes or builds much, made to wait for a slot.
 
     It needs the parameters ``request`` and ``inside``.
     """
 
     @wraps(endpoint)
-    async def in_its_place(*args: P.args, **kwargs: P.kwargs) -> Response:
+    async def in_a_slot(*args: P.args, **kwargs: P.kwargs) -> Response:
         request, inside = kwargs["request"], kwargs["inside"]
         assert isinstance(request, Request)
         assert isinstance(inside, Resources)
-        return await made_in_a_place(request, inside, partial(endpoint, *args, **kwargs))
+        return await made_in_a_slot(request, inside, partial(endpoint, *args, **kwargs))
 
-    return in_its_place
+    return in_a_slot
 
 
-async def made_in_a_place(request: Request, inside: Resources, make: Callable[[], Response]) -> Response:
+async def made_in_a_slot(request: Request, inside: Resources, make: Callable[[], Response]) -> Response:
     """Return the answer that ``make`` makes, once it is its turn.
 
     Raises
@@ -98,15 +98,16 @@ async def made_in_a_place(request: Request, inside: Resources, make: Callable[[]
 async def listed(
     request: Request, inside: Resources, listing: Listing, make: Callable[[], Response]
 ) -> Response:
-    """Return a page of a list: in a place of heavy reads if its conditions or its order may take long."""
+    """Return a page of a list: in a slot of heavy reads if its conditions or its order may take long."""
     query = listing.query
     if query.is_estimated:
         return listing.estimate()
     is_quick = all(each.subject.name in _INDEXED for each in query.conditions)
     is_by_age = all(key.subject.name in _AGE for key in query.order)
-    if is_quick and is_by_age and query.offset <= _NEAR:
+    is_bounded = not query.is_counted or query.count_limit is not None
+    if is_quick and is_by_age and is_bounded and query.offset <= _NEAR:
         return await run_in_threadpool(make)
-    return await made_in_a_place(request, inside, make)
+    return await made_in_a_slot(request, inside, make)
 
 
 class _Counted(Response):

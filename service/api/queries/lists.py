@@ -35,6 +35,8 @@ ESTIMATE = (
     " over many rows, and after how many seconds it is stopped."
 )
 
+COUNTED_AT_ONCE = 10_000
+"""Rows that are counted in some milliseconds."""
 FARTHEST = 10**9
 """Rows that a request may leave out, or ask for, at most: more than any list has."""
 
@@ -61,8 +63,8 @@ class AskingQuery(QueryModel):
     )
     count: Literal["exact"] | None = Field(
         default=None,
-        description="`exact`: with `total`, also where it takes time: with `where` and `after` it is null if"
-        " this is left out.",
+        description="`exact`: with `total`, also where it takes time: with `where` or `after`, or of over"
+        f" {COUNTED_AT_ONCE:,} rows, it is null if this is left out.",
     )
     estimate: bool = Field(default=False, description=ESTIMATE)
 
@@ -183,6 +185,7 @@ def read_listing(
         given.limit,
         given.offset,
         is_counted=given.count == "exact" or not (given.where or given.after),
+        count_limit=None if given.count == "exact" else COUNTED_AT_ONCE,
         is_estimated=given.estimate,
     )
     if given.after is None:

@@ -21,7 +21,7 @@ VOLATILE = ("/livez", "/readyz", "/metrics", "/v1/status")
 """Paths whose answers are different each time: nobody should keep them, and they have no tags."""
 
 REPRESENTATION = 1
-"""Grows whenever the same thing is written differently and the version of the package stays."""
+"""Grows whenever the same resource is written differently and the version of the package stays."""
 CODINGS = ("gzip", "zstd")
 """Content codings of answers; each makes another representation, whose tag ends in its name."""
 _TAG_BYTES = 16
@@ -29,7 +29,7 @@ _TAGS = re.compile(r'\s*(?:W/)?("[\x21\x23-\x7e\x80-\xff]*")\s*(?:,|\Z)')
 _CODED = re.compile(rf"-(?:{'|'.join(CODINGS)})\"\Z")
 
 
-def tag_of_thing(request: Request, media_type: str, *identity: object) -> str:
+def tag_of_resource(request: Request, media_type: str, *identity: object) -> str:
     """Return the tag of an answer by what it is, known before the answer is made.
 
     Parameters
@@ -37,7 +37,7 @@ def tag_of_thing(request: Request, media_type: str, *identity: object) -> str:
     request
         Its path and query say what is asked for; the order of different parameters does not matter.
     identity
-        What the stored thing is, and the version of everything in it that can change.
+        What the stored resource is, and the version of everything in it that can change.
     """
     query = sorted(request.query_params.multi_items(), key=lambda pair: pair[0])
     return _tag(repr((_ours(), request.scope["path"], query, media_type, identity)).encode())

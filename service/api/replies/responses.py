@@ -91,7 +91,7 @@ class PiecedAnswer(StreamingResponse):
         super().__init__(_parts(self), media_type=media_type, headers=headers)
         self.held = held
         self.compute: Compute = _at_once
-        """Makes the pieces. Where reads have places, one that waits for its turn is put here."""
+        """Makes the pieces. Where reads have slots, one that waits for its turn is put here."""
         self._pieces: Iterator[bytes] | None = pieces
 
     def next_piece(self) -> bytes | None:

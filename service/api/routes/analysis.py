@@ -22,7 +22,7 @@ from service.schemas.replies.analysis import (
     StatisticOut,
     StatisticsOut,
 )
-from service.schemas.sweep.reading import read_sweep
+from service.schemas.sweep.sweep import trusted_sweep
 from service.storage.database.database import Database
 from service.storage.searching.narrowing import slow_parts
 from service.storage.searching.sources import OF_JOB_ROWS, OF_SOLUTION_ROWS, Source
@@ -75,7 +75,7 @@ def get_job_facets(request: Request, asked: FacetsAsked, inside: Inside) -> Resp
 def get_point_facets(request: Request, sweep_id: SweepId, asked: FacetsAsked, inside: Inside) -> Response:
     """Count how often each value occurs among the computed points that match."""
     record = inside.sweeps.get(sweep_id)
-    sweep = read_sweep(record.document)
+    sweep = trusted_sweep(record.document)
     analysis = read_facets(asked, vocabulary_of(sweep))
     if asked.parameters.estimate:
         return estimate_of(_ALL_POINTS)
@@ -122,7 +122,7 @@ def get_point_statistics(
 ) -> Response:
     """Tell how numbers of the computed points that match are spread."""
     record = inside.sweeps.get(sweep_id)
-    sweep = read_sweep(record.document)
+    sweep = trusted_sweep(record.document)
     analysis = read_statistics(asked, vocabulary_of(sweep))
     if asked.parameters.estimate:
         return estimate_of(_ALL_POINTS)

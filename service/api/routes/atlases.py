@@ -1,7 +1,6 @@
 """/v1/atlases: all planar motions over a range of λ, at once or by a job."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from http import HTTPStatus
@@ -16,7 +15,7 @@ from service.api.descriptions import request_body
 from service.api.formats.atlases import choose_format, media_types
 from service.api.formats.negotiation import Accept
 from service.api.keys.idempotency import IdempotencyKey, read_key
-from service.api.middleware.heavy_answers import heavy, listed, made_in_a_place, while_connected
+from service.api.middleware.heavy_answers import heavy, listed, made_in_a_slot, while_connected
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import read_listing
 from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
@@ -25,7 +24,7 @@ from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.records import job_out
 from service.api.replies.responses import AtlasId, refusals
 from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_page
-from service.api.tagged import told_of
+from service.api.tagged import validator_headers
 from service.api.verdicts.examiner import examine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
 from service.jobs.records import Job
@@ -35,6 +34,7 @@ from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.problem.problem import problem_digest
 from service.schemas.query.conditions import in_state
+from service.schemas.reading.documents import Document
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import JobOut, JobPageOut
 from service.storage.searching.sources import OF_ATLAS_ROWS
@@ -42,7 +42,7 @@ from service.verdicts.atlases import examine_atlas, examine_setting
 
 router = APIRouter(prefix="/v1/atlases", tags=["validations"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "three terms": {
         "value": {
             "body": {"A": 2, "C": 1},
@@ -74,7 +74,7 @@ EXAMPLES: dict[str, object] = {
 }
 
 
-_ATLAS: dict[str, object] = {
+_ATLAS = {
     "model": AtlasOut,
     "description": "The atlas. Arrow and CSV have a row for each window and λ; SVG is a picture.",
     "content": media_types(),
@@ -122,7 +122,7 @@ async def draw_atlas(
         found = await while_connected(request, drawing)
         if isinstance(found, Response):
             return found
-        return await made_in_a_place(request, inside, partial(write, found))
+        return await made_in_a_slot(request, inside, partial(write, found))
 
     return await inside.idempotency.once(given, work)
 
@@ -131,7 +131,7 @@ async def draw_atlas(
 class _Checked:
     """A valid document."""
 
-    document: Mapping[str, object]
+    document: Document
     text: str
     wants_stability: bool
 
@@ -139,7 +139,6 @@ class _Checked:
 def _checked(content: bytes) -> _Checked:
     document = read_json(content)
     asked = read_atlas(document)
-    assert isinstance(document, dict)
     return _Checked(document, json.dumps(document), asked.wants_stability)
 
 
@@ -204,7 +203,7 @@ async def list_atlases(
 def get_atlas(request: Request, atlas_id: AtlasId, inside: Inside, accept: Accept = None) -> Response:
     """Show an atlas that a job has drawn; `DELETE` of the job deletes it."""
     write = choose_format(accept)
-    told = told_of(request, inside)
+    headers = validator_headers(request, inside)
     answer = write(AtlasOut.model_validate(inside.atlases.get(atlas_id)))
-    answer.headers.update(told)
+    answer.headers.update(headers)
     return answer

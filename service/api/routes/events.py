@@ -12,7 +12,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import StreamingResponse
 
 from service.api.dependencies import Inside, Resources
-from service.api.events.poller import HEARTBEAT, MEDIA_TYPE, OPENING, Documents, Told, position_of_id
+from service.api.events.poller import HEARTBEAT, MEDIA_TYPE, OPENING, Documents, Event, position_of_id
 from service.api.middleware.caching import is_head
 from service.api.middleware.security import Holder
 from service.api.queries.queries import without_query
@@ -32,7 +32,7 @@ from service.storage.jobs.changes import Followable
 router = APIRouter(prefix="/v1", tags=["events"])
 
 HEARTBEAT_SECONDS = 15.0
-"""A comment is sent so often, and the key is looked at."""
+"""A comment is sent so often, and the key is checked."""
 RETRY_SECONDS = 5
 """Retry-After for clients that find all streams taken."""
 
@@ -40,13 +40,13 @@ LastEventId = Annotated[
     str | None,
     Header(
         alias="Last-Event-ID",
-        description="The `id` of the last event that the client has got: only what is new is told.",
+        description="The `id` of the last event that the client has got: only what is new is sent.",
     ),
 ]
 
 
 class EventStream(StreamingResponse):
-    """An answer that goes on until there is nothing more to tell."""
+    """An answer that goes on until there is nothing more to send."""
 
     media_type = MEDIA_TYPE
 
@@ -73,14 +73,14 @@ def _described(name: str, data: str) -> dict[int | str, dict[str, object]]:
 async def follow_job(
     request: Request, job_id: JobId, inside: Inside, holder: Holder, last_event_id: LastEventId = None
 ) -> Response:
-    """Tell each state of a job, as `GET /v1/jobs/{job_id}` shows it, from the present one to the final one.
+    """Send each state of a job, as `GET /v1/jobs/{job_id}` shows it, from the present one to the final one.
 
-    Each is an event `job`, the last event is `end`. A client that reads slowly is told the
+    Each is an event `job`, the last event is `end`. A client that reads slowly gets the
     latest state only.
     """
     job = await run_in_threadpool(inside.jobs.get, job_id)
-    told = inside.events.follow((Followable.JOB, job.id), last_event_id)
-    return _stream(request, inside, holder, told)
+    events = inside.events.follow((Followable.JOB, job.id), last_event_id)
+    return _stream(request, inside, holder, events)
 
 
 @router.get(
@@ -92,14 +92,14 @@ async def follow_job(
 async def follow_sweep(
     request: Request, sweep_id: SweepId, inside: Inside, holder: Holder, last_event_id: LastEventId = None
 ) -> Response:
-    """Tell each state of a sweep, as `GET /v1/sweeps/{sweep_id}` shows it, up to the final one.
+    """Send each state of a sweep, as `GET /v1/sweeps/{sweep_id}` shows it, up to the final one.
 
-    Each is an event `sweep`, the last event is `end`. A client that reads slowly is told
+    Each is an event `sweep`, the last event is `end`. A client that reads slowly gets
     the latest state only.
     """
     sweep = await run_in_threadpool(inside.sweeps.get, sweep_id)
-    told = inside.events.follow((Followable.SWEEP, sweep.id), last_event_id)
-    return _stream(request, inside, holder, told)
+    events = inside.events.follow((Followable.SWEEP, sweep.id), last_event_id)
+    return _stream(request, inside, holder, events)
 
 
 @router.get(
@@ -111,15 +111,15 @@ async def follow_sweep(
 async def follow_installation(
     request: Request, inside: Inside, holder: Holder, last_event_id: LastEventId = None
 ) -> Response:
-    """Tell the status, and every job and sweep that changes, until the service stops.
+    """Send the status, and every job and sweep that changes, until the service stops.
 
     Events `status`, `job` and `sweep` are what GET shows of them; the last event is `end`. It
     begins with the status, and with what changed in the last seconds, or since
     the event that Last-Event-ID names.
     """
     now = await run_in_threadpool(inside.events.now)
-    told = inside.events.follow_all(now, position_of_id(last_event_id))
-    return _stream(request, inside, holder, told)
+    events = inside.events.follow_all(now, position_of_id(last_event_id))
+    return _stream(request, inside, holder, events)
 
 
 def documents_of(database: Database, settings: Settings) -> Documents:
@@ -139,7 +139,7 @@ def documents_of(database: Database, settings: Settings) -> Documents:
 
 
 def _substance(status: StatusOut) -> object:
-    """Return the status without what is different at every look."""
+    """Return the status without what is different at every poll."""
     return status.model_dump(
         exclude={
             "at": True,
@@ -150,7 +150,7 @@ def _substance(status: StatusOut) -> object:
 
 
 def _stream(
-    request: Request, inside: Resources, holder: ApiKey | None, told: AsyncGenerator[Told | None, None]
+    request: Request, inside: Resources, holder: ApiKey | None, events: AsyncGenerator[Event | None, None]
 ) -> Response:
     headers = {"Cache-Control": NO_STORE}
     if is_head(request):
@@ -162,18 +162,18 @@ def _stream(
             f"{inside.events.capacity} streams of events are open, as many as are accepted; try again later",
             headers={"Retry-After": str(RETRY_SECONDS)},
         )
-    return EventStream(_texts(inside, holder, told), headers=headers)
+    return EventStream(_texts(inside, holder, events), headers=headers)
 
 
 async def _texts(
-    inside: Resources, holder: ApiKey | None, told: AsyncGenerator[Told | None, None]
+    inside: Resources, holder: ApiKey | None, events: AsyncGenerator[Event | None, None]
 ) -> AsyncIterator[bytes]:
     """Yield what is sent: a comment at once and every so often, and the events."""
     yield OPENING
     clock = asyncio.get_running_loop().time
     beat = clock()
     try:
-        async with aclosing(told) as events:
+        async with aclosing(events):
             async for event in events:
                 if event is not None:
                     yield event.text()
@@ -185,7 +185,7 @@ async def _texts(
     except SQLAlchemyError as fault:
         if not is_away(fault):
             raise
-        # The client connects again, and is told 503 until the database is back.
+        # The client connects again, and gets 503 until the database is back.
         inside.events.complaints.tell("a stream of events has ended: the database cannot be reached")
 
 

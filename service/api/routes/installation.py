@@ -63,8 +63,8 @@ async def get_readiness(inside: Inside) -> Response:
     So are workers that still start: `workers` says whether a job would be computed now; and so is a task that
     compiles kernels, with how far it is: until it ends jobs are solved without them.
     """
-    told, workers, kernels = await inside.checks.get()
-    checks = dict(told)
+    shared, workers, kernels = await inside.checks.get()
+    checks = dict(shared)
     bad = [f"{name}: {said}" for name, said in checks.items() if said != OK]
     if bad:
         raise ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "not_ready", "; ".join(bad), extras={"checks": checks})

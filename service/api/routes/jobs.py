@@ -30,12 +30,13 @@ from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.errors import ApiError
 from service.api.replies.records import job_out
 from service.api.replies.responses import JobId, json_response, refusals
-from service.api.submission import Accepted, Checked, JudgedDocument, accept, accept_many, check, check_each
+from service.api.submission import accept, accept_many, check, check_each
+from service.api.verdicts.examiner import Submission
 from service.jobs.queue import Lane
 from service.jobs.records import Job, JobPage, JobState
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery, in_state
-from service.schemas.reading.documents import first_of
+from service.schemas.reading.documents import Document, first_of
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
 from service.settings import Settings
@@ -43,7 +44,7 @@ from service.storage.searching.sources import OF_JOB_ROWS
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "quadrature": {
         "value": {
             "body": {"A": 2, "B": "3/2", "C": 1},
@@ -134,16 +135,15 @@ async def submit_job(
     return await inside.idempotency.once(given, work)
 
 
-def _checked(content: bytes, settings: Settings) -> Checked | list[Checked | ApiError]:
+def _checked(content: bytes, settings: Settings) -> Submission | list[Submission | ApiError]:
     document = read_json(content)
     return check_each(document, settings) if isinstance(document, list) else check(document, settings)
 
 
-async def _submit_one(problem: Checked, inside: Resources, terms: SubmissionTerms) -> Response:
-    examined = await accept(inside, problem, terms.holder)
+async def _submit_one(problem: Submission, inside: Resources, terms: SubmissionTerms) -> Response:
+    accepted = await accept(inside, problem, terms.holder)
 
     def store(receipt: Receipt[Made] | None) -> Job:
-        accepted = examined.accepted()
         return inside.jobs.submit(
             accepted.document,
             accepted.digest,
@@ -152,7 +152,7 @@ async def _submit_one(problem: Checked, inside: Resources, terms: SubmissionTerm
             receipt=receipt,
             examination=accepted.examination,
             found=accepted.entries,
-            marks=accepted.marks,
+            annotation=accepted.annotation,
         )
 
     return await queue(inside, terms, store, _shown)
@@ -163,17 +163,16 @@ def _shown(job: Job) -> tuple[JobOut, str]:
 
 
 async def _submit_list(
-    problems: list[Checked | ApiError], inside: Resources, terms: SubmissionTerms
+    problems: list[Submission | ApiError], inside: Resources, terms: SubmissionTerms
 ) -> Response:
-    examined = await accept_many(inside, problems, terms.holder)
-    return await run_in_threadpool(_queue_list, examined, inside, terms)
+    answers = await accept_many(inside, problems, terms.holder)
+    return await run_in_threadpool(_queue_list, answers, inside, terms)
 
 
 def _queue_list(
-    examined: Sequence[JudgedDocument | ApiError], inside: Resources, terms: SubmissionTerms
+    answers: Sequence[Submission | ApiError], inside: Resources, terms: SubmissionTerms
 ) -> Response:
-    answers = [each if isinstance(each, ApiError) else each.accepted_or_refusal() for each in examined]
-    accepted = [answer for answer in answers if isinstance(answer, Accepted)]
+    accepted = [answer for answer in answers if isinstance(answer, Submission)]
     if not accepted:
         raise _nothing_accepted(answers)
     jobs = inside.jobs.submit_many(
@@ -185,13 +184,13 @@ def _queue_list(
         receipt=receipt_of(terms.given, lambda made: _list_submitted(answers, made)),
         examinations=[problem.examination for problem in accepted],
         found=[entry for problem in accepted for entry in problem.entries],
-        marks=[problem.marks for problem in accepted],
+        annotations=[problem.annotation for problem in accepted],
     )
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     return _list_submitted(answers, jobs)
 
 
-def _list_submitted(answers: Sequence[Accepted | ApiError], made: Sequence[Job]) -> Response:
+def _list_submitted(answers: Sequence[Submission | ApiError], made: Sequence[Job]) -> Response:
     jobs = iter(made)
     items = [
         _refused(answer)
@@ -206,7 +205,7 @@ def _refused(refusal: ApiError) -> JobItemOut:
     return JobItemOut(status=refusal.status, job=None, problem=refusal.document())
 
 
-def _nothing_accepted(answers: Sequence[Accepted | ApiError]) -> ApiError:
+def _nothing_accepted(answers: Sequence[Submission | ApiError]) -> ApiError:
     refusals = [answer for answer in answers if isinstance(answer, ApiError)]
     faults = [
         replace(fault, pointer=f"/{index}{fault.pointer}")
@@ -271,7 +270,7 @@ def cancel_job(job_id: JobId, inside: Inside, holder: Holder) -> Response:
     """
     check_owner(holder, inside.jobs.get(job_id).key_id)
     job = inside.jobs.cancel(job_id)
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     # Release the clients that wait for it.
-    inside.doorbell.announce(job.id)
+    inside.wake_up.announce(job.id)
     return json_response(job_out(job))

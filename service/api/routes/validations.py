@@ -1,7 +1,7 @@
 """POST /v1/validations: returns a verdict, and stores nothing."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -17,8 +17,8 @@ from service.api.middleware.heavy_answers import while_connected
 from service.api.middleware.security import Holder
 from service.api.queries.queries import QueryModel, query_of, query_parameters
 from service.api.replies.responses import json_response, refusals
-from service.api.submission import needs_verdict, settle
-from service.api.verdicts.examiner import examine, examine_with_formulas
+from service.api.submission import needs_verdict
+from service.api.verdicts.examiner import Submission, examine, examine_with_formulas
 from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import (
     TIER_TOLERANCES,
@@ -31,9 +31,11 @@ from service.dynamics.accuracy import (
 from service.dynamics.problem import Problem
 from service.schemas.problem.budgets import expected_of_tiers
 from service.schemas.problem.documents import ProblemIn
-from service.schemas.problem.problem import Question, check_problem, read_question
-from service.schemas.problem.rules import ONE_AT_A_TIME, CheckedProblem
-from service.schemas.reading.documents import InvalidProblemError
+from service.schemas.problem.problem import check_problem, check_question
+from service.schemas.problem.questions import Question
+from service.schemas.problem.rules import CheckedProblem
+from service.schemas.problem.trusted import ONE_AT_A_TIME
+from service.schemas.reading.documents import Document, InvalidProblemError, Part
 from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
@@ -64,7 +66,7 @@ class ValidationQuery(QueryModel):
 
 router = APIRouter(prefix="/v1/validations", tags=["validations"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "admissible": {
         "value": {
             "body": {"A": 2, "C": 1},
@@ -105,11 +107,11 @@ async def validate(
     """Tell whether a potential admits planar motions, with the proof, and list the motions.
 
     A document with a motion and times is a whole problem. It is refused with
-    the errors that `POST /v1/jobs` would give; otherwise `plan` tells what its job
+    the errors that `POST /v1/jobs` would give; otherwise `plan` says what its job
     would do. Nothing is stored.
     """
     asked = await inside.reading.run(len(content), _checked, content, inside.settings)
-    whole, verdict = asked.question.problem, None
+    whole, verdict = asked.whole, None
     if whole is None or needs_verdict(whole):
         claimant = Claimant(None if holder is None else holder.id)
         verdict = await while_connected(request, _judged(inside, asked, query.formats, claimant))
@@ -121,13 +123,15 @@ async def validate(
 @dataclass(frozen=True, slots=True)
 class _Asked:
     question: Question
-    document: Mapping[str, object]
+    whole: CheckedProblem | None
+    """The problem, if motion and times are given."""
+    document: Document
     text: str
 
 
 async def _judged(
     inside: Resources, asked: _Asked, formats: Sequence[Format], claimant: Claimant
-) -> Mapping[str, object] | None:
+) -> Part | None:
     if not formats:
         return await examine(inside.verdicts, examine_question, asked.text, claimant)
     seconds = inside.settings.formula_seconds
@@ -136,61 +140,58 @@ async def _judged(
 
 def _checked(content: bytes, settings: Settings) -> _Asked:
     document = read_json(content)
-    question = read_question(document)
-    assert isinstance(document, dict)
-    if question.problem is not None:
-        check_problem_samples(question.problem.problem, settings)
-    return _Asked(question, document, json.dumps(document))
+    question, whole = check_question(document)
+    if whole is not None:
+        check_problem_samples(whole.problem, settings)
+    return _Asked(question, whole, document, json.dumps(document))
 
 
 def _planned(
     inside: Resources,
     asked: _Asked,
     checked: CheckedProblem,
-    verdict: Mapping[str, object] | None,
+    verdict: Part | None,
 ) -> Response:
     if verdict is None:
         with ONE_AT_A_TIME:
             found = classification_of(asked.question)
         plan = plan_document(checked.problem, None)
         verdict = {**dict.fromkeys(VerdictOut.model_fields), "warnings": [], "plan": plan, "classical": found}
-    plan = _completed(inside, asked.document, checked, verdict["plan"])
-    return json_response(VerdictOut.model_validate({**verdict, "plan": plan}))
+    completed = _completed(inside, asked.document, checked, verdict["plan"])
+    return json_response(VerdictOut.model_validate({**verdict, "plan": completed}))
 
 
-def _completed(
-    inside: Resources, document: Mapping[str, object], checked: CheckedProblem, plan: object
-) -> dict[str, object]:
+def _completed(inside: Resources, document: Document, checked: CheckedProblem, plan: Part) -> Part:
     """Add to the plan of a job the expected seconds and a stored solution."""
-    assert isinstance(plan, dict)
     window, table = plan["window"], AccuracyStore(inside.database).current()
     problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
-    accepted = settle(problem, checked, window, table)
-    tiers = _tiers(problem, accepted.problem, window, table)
+    accepted = Submission(problem, checked).settled(window, table)
+    settled = accepted.checked.problem
+    tiers = _tiers(problem, settled, window, table)
     return {
         **plan,
-        "tier": accepted.problem.accuracy.tier,
-        "tolerance": accepted.problem.tolerance,
-        "expected_seconds": tiers[TIERS.index(accepted.problem.accuracy.tier)]["expected_seconds"],
+        "tier": settled.accuracy.tier,
+        "tolerance": settled.tolerance,
+        "expected_seconds": tiers[TIERS.index(settled.accuracy.tier)]["expected_seconds"],
         "tiers": tiers,
         "solution": inside.solutions.of_problem(accepted.digest),
     }
 
 
 def _tiers(
-    document: Mapping[str, object],
+    document: Document,
     problem: Problem,
-    window: Mapping[str, object] | None,
+    window: Document | None,
     table: AccuracyTable,
 ) -> list[dict[str, object]]:
     """Return what each tier is expected to do with a problem, or why it refuses it."""
-    told = list[dict[str, object]]()
+    tiers = list[dict[str, object]]()
     for tier, expectation in expected_of_tiers(problem, window, table).items():
         refusal = None if tier == problem.accuracy.tier else _refusal_at(document, tier)
         if refusal is None and isinstance(expectation, Unavailable):
             refusal = expectation.detail
         known = expectation if refusal is None and isinstance(expectation, Expected) else None
-        told.append(
+        tiers.append(
             {
                 "tier": tier,
                 "tolerance": TIER_TOLERANCES[tier],
@@ -199,10 +200,10 @@ def _tiers(
                 "unavailable": refusal,
             }
         )
-    return told
+    return tiers
 
 
-def _refusal_at(document: Mapping[str, object], tier: Tier) -> str | None:
+def _refusal_at(document: Document, tier: Tier) -> str | None:
     """Return why a problem is none at a tier."""
     try:
         check_problem({**document, "accuracy": {"tier": tier}})

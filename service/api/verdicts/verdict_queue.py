@@ -32,7 +32,7 @@ Examination = Callable[[str], str]
 _GRACE_SECONDS = 1.0
 """Extra time, after the limit, in which a child reports that it was killed; this takes 0.2 s."""
 _SHARE = 2
-"""One key may use half of the queue's places."""
+"""One key may use half of the queue."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ class VerdictQueue:
         crashes: int = 1,
         seconds: float | None = None,
     ) -> str:
-        """Return a child's answer. Cancelling frees the place in the queue and stops the child.
+        """Return a child's answer. Cancelling leaves the queue and stops the child.
 
         After a crash the call is repeated, at most ``crashes`` times. The time limit, including the wait, is
         ``seconds``, or that of verdicts if it is not given.
@@ -149,12 +149,12 @@ class VerdictQueue:
     def _enter(self, call: _Call) -> _Call:
         claimant = call.claimant
         with self._lock:
-            places = self._settings.verdict_places
-            # If a child is free, the call takes no place: that child's thread takes it at once.
+            capacity = self._settings.verdict_places
+            # If a child is free, the call does not wait: that child's thread takes it at once.
             before = self._count_waiting() - (self._children - len(self._running))
-            if self._closed or before >= places:
-                raise self._busy(f"{places} requests wait for verdicts; more are not accepted")
-            share = max(1, places // _SHARE)
+            if self._closed or before >= capacity:
+                raise self._busy(f"{capacity} requests wait for verdicts; more are not accepted")
+            share = max(1, capacity // _SHARE)
             if claimant.key_id is not None and self._count_before(claimant.key_id) >= share:
                 raise self._busy(f"{share} requests of this key wait for verdicts; more are not accepted")
             call.has_waited = before >= 0

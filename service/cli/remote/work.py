@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 
 import polhode as ph
-from polhode.clients import Thing
+from polhode.clients import Resource
 from polhode.jobs import Job
 from polhode.listings import Item, Listing
 from polhode.motions import Motion
@@ -105,7 +105,7 @@ def wait_for_all(
 
 
 def _wait(client: ph.Client, thing_ids: Sequence[str], seconds: float | None, *, as_json: bool) -> None:
-    ended: list[Thing[ThreadCarrier]] = []
+    ended: list[Resource[ThreadCarrier]] = []
     failures = 0
     for thing_id in thing_ids:
         thing = client.find(thing_id)
@@ -235,11 +235,11 @@ def sweep_file(file: Path, out: Path | None, *, url: str | None, key: str | None
             _print(sweep, as_json=as_json)
 
 
-def _document(thing: Thing[ThreadCarrier]) -> Mapping[str, object]:
+def _document(thing: Resource[ThreadCarrier]) -> Mapping[str, object]:
     return thing.state if isinstance(thing, Sweep) else thing.document
 
 
-def _print(thing: Thing[ThreadCarrier], *, as_json: bool) -> None:
+def _print(thing: Resource[ThreadCarrier], *, as_json: bool) -> None:
     document = _document(thing)
     answer(json.dumps(document) + "\n" if as_json else table(facts_of(document)))
 

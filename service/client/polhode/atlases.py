@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Generic
 
 import pyarrow as pa
 
-from polhode.bands import Change, Part, columns_of, items, pair, read_change, read_part
+from polhode.bands import Change, Part, columns_of, pair, read_change, read_part
 from polhode.documents.problems import Body, Document, Given, question
-from polhode.documents.quantities import Exact, written
+from polhode.documents.quantities import Exact, items, written
 from polhode.errors import FailedError, PolhodeError
 from polhode.evaluation import optional
 from polhode.transport.carriers import CarrierT, ThreadCarrier
@@ -100,9 +100,9 @@ class Atlas(Generic[CarrierT]):
 
     def __repr__(self) -> str:
         low, high = self.lam
-        told = f"{len(self.parts)} parts, {len(self.changes)} changes"
+        counts = f"{len(self.parts)} parts, {len(self.changes)} changes"
         open_ = f", {len(self.undecided)} stretches undecided" if self.undecided else ""
-        return f"<atlas of λ from {low:g} to {high:g}: {told}{open_}>"
+        return f"<atlas of λ from {low:g} to {high:g}: {counts}{open_}>"
 
     def _repr_svg_(self) -> str | None:
         if isinstance(self.carrier, ThreadCarrier):
@@ -153,10 +153,10 @@ def draw(carrier: CarrierT, question: Document, seconds: float | None) -> Operat
     reply = yield from ask(
         terms, "POST", "/v1/atlases", question, headers={"Prefer": f"wait={wait}"} if wait else {}
     )
-    told: Document = json.loads(reply.content)
+    document: Document = json.loads(reply.content)
     if reply.status != _ACCEPTED:
-        return Atlas(carrier, told, question, None)
-    return (yield from stored_atlas(carrier, (yield from _stored(terms, told, seconds))))
+        return Atlas(carrier, document, question, None)
+    return (yield from stored_atlas(carrier, (yield from _stored(terms, document, seconds))))
 
 
 def stored_atlas(carrier: CarrierT, atlas_id: str) -> Operation[Atlas[CarrierT]]:

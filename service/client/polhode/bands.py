@@ -2,12 +2,11 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any  # what JSON may have in a list
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polhode.documents.quantities import Quantity
+from polhode.documents.quantities import Quantity, fields, items
 from polhode.evaluation import FloatArray
 
 _PAIRS = ("g1", "g1_error", "g2", "g2_error")
@@ -85,7 +84,7 @@ class Part:
     bands
         The windows; none where there is no motion.
     reason
-        Why the windows are not told, as ``code`` and ``detail``; else None.
+        Why there are no windows, as ``code`` and ``detail``; else None.
     proof
         ``proved``, or ``seen``: at single λ, so that a window narrower than their distance can be missed.
     """
@@ -100,14 +99,13 @@ class Part:
     proof: str = "proved"
 
 
-def read_part(told: Mapping[str, object]) -> Part:
-    """Return a part as the service tells it."""
-    lower, upper = pair(told["lambda"])
-    samples, reason, proof = told["samples"], told["reason"], str(told.get("proof", "proved"))
+def read_part(document: Mapping[str, object]) -> Part:
+    """Return a part from the service's document."""
+    lower, upper = pair(document["lambda"])
+    samples, reason, proof = document["samples"], document["reason"], str(document.get("proof", "proved"))
     if not isinstance(samples, Mapping):
-        assert isinstance(reason, Mapping)
         nothing: FloatArray = np.empty(0)
-        return Part(lower, upper, nothing, nothing, nothing, (), reason, proof)
+        return Part(lower, upper, nothing, nothing, nothing, (), fields(reason), proof)
     lam = _numbers(samples["lambda"])
     bands = tuple(_band(window, len(lam)) for window in items(samples["windows"]))
     return Part(
@@ -115,17 +113,19 @@ def read_part(told: Mapping[str, object]) -> Part:
     )
 
 
-def _band(told: Mapping[str, object], count: int) -> Band:
-    first, second = items(told["ends"])
-    stability = told.get("stability")
+def _band(document: Mapping[str, object], count: int) -> Band:
+    first, second = items(document["ends"])
+    stability = document.get("stability")
     unknown: FloatArray = np.full(count, np.nan)
-    period, error = (unknown if told[name] is None else _numbers(told[name]) for name in _PERIODS)
-    g1, g1_error, g2, g2_error = (np.stack([_numbers(each) for each in items(told[name])]) for name in _PAIRS)
+    period, error = (unknown if document[name] is None else _numbers(document[name]) for name in _PERIODS)
+    g1, g1_error, g2, g2_error = (
+        np.stack([_numbers(each) for each in items(document[name])]) for name in _PAIRS
+    )
     return Band(
-        int(str(told["window"])),
-        str(told["kind"]),
+        int(str(document["window"])),
+        str(document["kind"]),
         (str(first), str(second)),
-        bool(told["has_mirror_image"]),
+        bool(document["has_mirror_image"]),
         g1,
         g1_error,
         g2,
@@ -136,16 +136,16 @@ def _band(told: Mapping[str, object], count: int) -> Band:
     )
 
 
-def read_change(told: Mapping[str, object]) -> Change:
-    """Return a change as the service tells it."""
-    lam = Quantity.read(told["lambda"])
+def read_change(document: Mapping[str, object]) -> Change:
+    """Return a change from the service's document."""
+    lam = Quantity.read(document["lambda"])
     assert lam is not None
     return Change(
         lam,
-        str(told["kind"]),
-        Quantity.read(told["g1"]),
-        Quantity.read(told["g2"]),
-        str(told.get("proof", "proved")),
+        str(document["kind"]),
+        Quantity.read(document["g1"]),
+        Quantity.read(document["g2"]),
+        str(document.get("proof", "proved")),
     )
 
 
@@ -187,18 +187,12 @@ def _repeated(values: Iterable[tuple[int, int]]) -> NDArray[np.int64]:
     return np.array([value for value, count in values for _ in range(count)], dtype=np.int64)
 
 
-def _numbers(told: object) -> FloatArray:
+def _numbers(value: object) -> FloatArray:
     """Return an array of numbers, NaN for null."""
-    return np.array([np.nan if value is None else float(str(value)) for value in items(told)])
+    return np.array([np.nan if each is None else float(str(each)) for each in items(value)])
 
 
-def pair(told: object) -> tuple[float, float]:
+def pair(value: object) -> tuple[float, float]:
     """Return two numbers."""
-    low, high = items(told)
+    low, high = items(value)
     return float(str(low)), float(str(high))
-
-
-def items(told: object) -> list[Any]:
-    """Return a list of the document."""
-    assert isinstance(told, list)
-    return told

@@ -20,10 +20,10 @@ from polhode.transport.exchange import MERGE_PATCH, ask, ask_json, follow
 from polhode.transport.steps import Operation, operation
 from polhode.verdicts import Judgement
 
-Thing = Job[CarrierT] | Motion[CarrierT] | Sweep[CarrierT]
+Resource = Job[CarrierT] | Motion[CarrierT] | Sweep[CarrierT]
 
 
-def thing_of(carrier: CarrierT, thing_id: str) -> Operation[Thing[CarrierT]]:
+def resource_of(carrier: CarrierT, resource_id: str) -> Operation[Resource[CarrierT]]:
     """Return what has an id.
 
     Raises
@@ -33,21 +33,21 @@ def thing_of(carrier: CarrierT, thing_id: str) -> Operation[Thing[CarrierT]]:
     """
     for kind in (Job, Motion):
         try:
-            path = f"/v1/{'jobs' if kind is Job else 'solutions'}/{thing_id}"
+            path = f"/v1/{'jobs' if kind is Job else 'solutions'}/{resource_id}"
             return kind(carrier, (yield from ask_json(carrier.terms, "GET", path)))
         except MissingError:
             continue
     try:
-        return Sweep(carrier, (yield from ask_json(carrier.terms, "GET", f"/v1/sweeps/{thing_id}")))
+        return Sweep(carrier, (yield from ask_json(carrier.terms, "GET", f"/v1/sweeps/{resource_id}")))
     except MissingError as fault:
-        told = {**fault.document, "detail": f"no job, solution or sweep has the id {thing_id}"}
-        raise MissingError(fault.status, told) from None
+        document = {**fault.document, "detail": f"no job, solution or sweep has the id {resource_id}"}
+        raise MissingError(fault.status, document) from None
 
 
-def path_of(thing: Thing[CarrierT]) -> str:
+def path_of(resource: Resource[CarrierT]) -> str:
     """Return where the service has it."""
-    kind = "jobs" if isinstance(thing, Job) else "sweeps" if isinstance(thing, Sweep) else "solutions"
-    return f"/v1/{kind}/{thing.id}"
+    kind = "jobs" if isinstance(resource, Job) else "sweeps" if isinstance(resource, Sweep) else "solutions"
+    return f"/v1/{kind}/{resource.id}"
 
 
 P = ParamSpec("P")
@@ -269,7 +269,7 @@ class Operations(Generic[CarrierT]):
         return Sweep(self.carrier, (yield from ask_json(self.carrier.terms, "GET", f"/v1/sweeps/{sweep_id}")))
 
     @operation
-    def find(self, thing_id: str) -> Operation[Thing[CarrierT]]:
+    def find(self, thing_id: str) -> Operation[Resource[CarrierT]]:
         """Return the job, the motion or the sweep that has an id.
 
         Raises
@@ -277,12 +277,12 @@ class Operations(Generic[CarrierT]):
         MissingError
             There is none.
         """
-        return (yield from thing_of(self.carrier, thing_id))
+        return (yield from resource_of(self.carrier, thing_id))
 
     @operation
     def tag(
         self, thing_id: str, labels: Mapping[str, str | None], *, note: str | None = None
-    ) -> Operation[Thing[CarrierT]]:
+    ) -> Operation[Resource[CarrierT]]:
         """Change the labels of a job, a motion or a sweep, and return it; None takes a label away.
 
         Parameters
@@ -290,16 +290,18 @@ class Operations(Generic[CarrierT]):
         note
             Text beside the labels; unchanged if left out.
         """
-        thing = yield from thing_of(self.carrier, thing_id)
+        resource = yield from resource_of(self.carrier, thing_id)
         patch: Document = {"labels": written(labels)}
         if note is not None:
             patch["note"] = note
-        path, headers = path_of(thing), {"Content-Type": MERGE_PATCH}
+        path, headers = path_of(resource), {"Content-Type": MERGE_PATCH}
         yield from ask_json(self.carrier.terms, "PATCH", path, patch, headers=headers)
-        return (yield from thing_of(self.carrier, thing_id))
+        return (yield from resource_of(self.carrier, thing_id))
 
     @operation
-    def download(self, /, thing_id: str, file_format: str = "csv", **query: Exact | None) -> Operation[bytes]:
+    def download(
+        self, /, resource_id: str, file_format: str = "csv", **query: Exact | None
+    ) -> Operation[bytes]:
         """Return the samples of a motion, or of a job's, or the points of a sweep, as a file.
 
         Parameters
@@ -309,13 +311,13 @@ class Operations(Generic[CarrierT]):
         query
             As of the service: ``start``, ``stop``, ``samples``, ``columns``; ``where``, ``order``, ``limit``.
         """
-        thing = yield from thing_of(self.carrier, thing_id)
-        if isinstance(thing, Job):
-            path = f"/v1/solutions/{thing.document['solution']}/trajectory"
-            if thing.state != "succeeded":
-                raise FailedError(thing.document)
+        resource = yield from resource_of(self.carrier, resource_id)
+        if isinstance(resource, Job):
+            path = f"/v1/solutions/{resource.document['solution']}/trajectory"
+            if resource.state != "succeeded":
+                raise FailedError(resource.document)
         else:
-            path = path_of(thing) + ("/points" if isinstance(thing, Sweep) else "/trajectory")
+            path = path_of(resource) + ("/points" if isinstance(resource, Sweep) else "/trajectory")
         asked = {"format": file_format, **{k: str(v) for k, v in query.items() if v is not None}}
         return (yield from ask(self.carrier.terms, "GET", f"{path}?{urlencode(asked)}", accept="*/*")).content
 

@@ -74,9 +74,9 @@ def terms_of(
     folder = default_folder() if isinstance(cache, bool) else Path(cache)
     if progress is None:
         progress = is_watched()
-    told = Bar() if progress is True else progress or None
-    kept = None if cache is False else Cache(folder)
-    return Terms(address, key or os.environ.get("POLHODE_KEY"), patience, kept, told)
+    report = Bar() if progress is True else progress or None
+    answers = None if cache is False else Cache(folder)
+    return Terms(address, key or os.environ.get("POLHODE_KEY"), patience, answers, report)
 
 
 T = TypeVar("T")
@@ -129,7 +129,7 @@ def local(
 ) -> LocalClient:
     """Start a service and return a client of it; the service ends with this program, or by ``close()``.
 
-    It takes about five seconds. On a new machine solvers are compiled in the background, which is told on
+    It takes about five seconds. On a new machine solvers are compiled in the background, which is reported on
     stderr with the first motion that is solved without them.
 
     Parameters

@@ -21,7 +21,7 @@ class UnfinishedError(PolhodeError, TimeoutError):
 
 
 @dataclass(frozen=True, slots=True)
-class ToldFault:
+class ReportedFault:
     """One fault of a request: where it is, what it is, and what would have been accepted."""
 
     pointer: str
@@ -53,7 +53,7 @@ class RefusedError(PolhodeError):
 
     @property
     def pointer(self) -> str | None:
-        """JSON pointer to the first fault; None if the error has no place."""
+        """JSON pointer to the first fault; None if it is not about one part of the document."""
         return self.faults[0].pointer if self.faults else None
 
 
@@ -72,25 +72,26 @@ class FailedError(PolhodeError):
 
     def __init__(self, job: Mapping[str, object]) -> None:
         error = job.get("error")
-        told: Mapping[str, object] = error if isinstance(error, Mapping) else {}
-        self.job, self.document = job, told
-        self.code = str(told.get("code") or job.get("state"))
-        self.detail = str(told.get("detail") or f"job {job.get('id')} is {job.get('state')}")
-        pointer = told.get("pointer")
+        document: Mapping[str, object] = error if isinstance(error, Mapping) else {}
+        self.job, self.document = job, document
+        self.code = str(document.get("code") or job.get("state"))
+        self.detail = str(document.get("detail") or f"job {job.get('id')} is {job.get('state')}")
+        pointer = document.get("pointer")
         self.pointer = None if pointer is None else str(pointer)
         super().__init__(f"{self.code}: {self.detail}" + (f" ({self.pointer})" if self.pointer else ""))
 
 
 def refused(status: int, document: object) -> RefusedError:
     """Return the error for an answer that is none of success."""
-    told = document if isinstance(document, Mapping) else {"detail": str(document)[:500]}
-    return (MissingError if status == 404 else RefusedError)(status, told)
+    problem = document if isinstance(document, Mapping) else {"detail": str(document)[:500]}
+    return (MissingError if status == 404 else RefusedError)(status, problem)
 
 
-def _faults(errors: object) -> Sequence[ToldFault]:
+def _faults(errors: object) -> Sequence[ReportedFault]:
     if not isinstance(errors, list):
         return ()
     named = [error for error in errors if isinstance(error, Mapping)]
     return [
-        ToldFault(*(str(error.get(name, "")) for name in ("pointer", "code", "message"))) for error in named
+        ReportedFault(*(str(error.get(name, "")) for name in ("pointer", "code", "message")))
+        for error in named
     ]

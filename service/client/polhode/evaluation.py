@@ -177,9 +177,9 @@ def columns_at(function: FunctionOfTime, times: FloatArray) -> dict[str, FloatAr
 def errors_at(function: FunctionOfTime, times: FloatArray) -> dict[str, float]:
     """Return the bound of the absolute error of each of :func:`columns_at`, at any of ``times``."""
     errors = function.errors_at(times)
-    told = {name: error for name, error in errors.items() if name not in LOCAL}
+    others = {name: error for name, error in errors.items() if name not in LOCAL}
     if LOCAL[0] not in function.columns:
-        return told
+        return others
     bound = max(function.errors.get(name, function.error) for name in LOCAL) + 2.0 * EPSILON
     if function.period is not None and len(times):
         local, turns = split_time(times, function.period)
@@ -188,7 +188,7 @@ def errors_at(function: FunctionOfTime, times: FloatArray) -> dict[str, float]:
         here, *moved = (_quaternion(function, local + by) for by in (0.0, -phase, phase))
         bound += max(float(np.abs(there - here).max()) for there in moved)
         bound += 0.5 * float(np.abs(turns).max()) * function.advances.get("psi1", PairOfDoubles()).error
-    return {**told, **dict.fromkeys(_QUATERNION, bound)}
+    return {**others, **dict.fromkeys(_QUATERNION, bound)}
 
 
 def _quaternion(function: FunctionOfTime, times: FloatArray, values: FloatArray | None = None) -> FloatArray:

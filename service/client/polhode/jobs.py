@@ -25,7 +25,7 @@ class Job(Generic[CarrierT]):
     Attributes
     ----------
     document
-        The job as the service told it last.
+        The job as the service described it last.
     """
 
     def __init__(self, carrier: CarrierT, document: Document) -> None:
@@ -89,9 +89,9 @@ class SomeFailedError(PolhodeError):
     Parameters
     ----------
     errors
-        Why, by the place in the list.
+        Why, by the index in the list.
     motions
-        Those of the others, by the place in the list.
+        Those of the others, by the index in the list.
     """
 
     def __init__(self, errors: Mapping[int, PolhodeError], motions: Mapping[int, object]) -> None:
@@ -134,29 +134,29 @@ def solve_list(carrier: CarrierT, problems: Sequence[Document]) -> Operation[lis
     waiting: dict[int, str] = {}
     for first in range(0, len(problems), _LIST):
         part = list(problems[first : first + _LIST])
-        for place, item in enumerate((yield from _submitted(carrier.terms, part)), first):
+        for index, item in enumerate((yield from _submitted(carrier.terms, part)), first):
             if isinstance(job := item.get("job"), Mapping):
-                waiting[place] = str(job["id"])
+                waiting[index] = str(job["id"])
             else:
-                told = item.get("problem")
-                refusal = told if isinstance(told, Mapping) else {}
-                errors[place] = RefusedError(int(str(item.get("status"))), refusal)
+                problem = item.get("problem")
+                refusal = problem if isinstance(problem, Mapping) else {}
+                errors[index] = RefusedError(int(str(item.get("status"))), refusal)
     jobs = yield from _ended(carrier.terms, list(dict.fromkeys(waiting.values())))
     solutions: dict[str, str] = {}
-    for place, job_id in waiting.items():
+    for index, job_id in waiting.items():
         if jobs[job_id].get("state") == "succeeded":
             solutions[job_id] = str(jobs[job_id]["solution"])
         else:
-            errors[place] = FailedError(jobs[job_id])
+            errors[index] = FailedError(jobs[job_id])
     found = yield from by_id(carrier.terms, "/v1/solutions", list(dict.fromkeys(solutions.values())))
     motions = {
-        place: Motion(carrier, found[solutions[job_id]])
-        for place, job_id in waiting.items()
+        index: Motion(carrier, found[solutions[job_id]])
+        for index, job_id in waiting.items()
         if job_id in solutions
     }
     if errors:
         raise SomeFailedError(errors, motions)
-    return [motions[place] for place in range(len(problems))]
+    return [motions[index] for index in range(len(problems))]
 
 
 def _submitted(terms: Terms, problems: Sequence[Document]) -> Operation[list[Document]]:

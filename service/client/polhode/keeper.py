@@ -1,7 +1,7 @@
 """Runs a service as long as another program lives: ``python -m polhode.keeper FOLDER COMMAND...``.
 
 The other program holds the write end of our stdin. However it ends, the system closes it; then the
-service is told to end, and the folder is deleted.
+service is asked to end, and the folder is deleted.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Stored things that match a query: read page by page, by cursors, as they are needed."""
+"""Stored resources that match a query: read page by page, by cursors, as they are needed."""
 
 from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from itertools import islice
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from urllib.parse import urlencode
 
 from polhode.documents.problems import Document
+from polhode.documents.quantities import items
 from polhode.evaluation import optional
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import ask_json
@@ -126,9 +127,8 @@ class Listing(Generic[CarrierT, Item]):
 
     def _page(self, path: str) -> Operation[tuple[list[Row], str | None]]:
         page = yield from ask_json(self.carrier.terms, "GET", path)
-        items, following = page["items"], page["next"]
-        assert isinstance(items, list)
-        return items, None if following is None else str(following)
+        following = page["next"]
+        return items(page["items"]), None if following is None else str(following)
 
     def _first(self, limit: int, query: Sequence[tuple[str, str]]) -> str:
         return f"{self._path}?{urlencode([*self._query, *query, ('limit', str(limit))])}"
@@ -140,7 +140,5 @@ def by_id(terms: Terms, path: str, ids: Sequence[str]) -> Operation[dict[str, Do
     for first in range(0, len(ids), IDS):
         asked = ",".join(ids[first : first + IDS])
         page = yield from ask_json(terms, "GET", f"{path}?where=id%20in%20({asked})&limit={2 * IDS}")
-        items = page["items"]
-        assert isinstance(items, list)
-        found |= {str(item["id"]): item for item in items}
+        found |= {str(item["id"]): item for item in items(page["items"])}
     return found

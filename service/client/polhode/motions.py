@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from polhode import evaluation
 from polhode import showing as drawing
 from polhode.documents.problems import Document, audit_of
-from polhode.documents.quantities import Exact, Quantity
+from polhode.documents.quantities import Exact, Quantity, fields, items
 from polhode.errors import PolhodeError
 from polhode.evaluation import FloatArray, FunctionOfTime, PairOfDoubles, Samples
 from polhode.showing import sphere_svg, table_html
@@ -35,7 +35,7 @@ class Audit:
     Attributes
     ----------
     document
-        The audit as the service tells it.
+        The audit as the service describes it.
     """
 
     def __init__(self, document: Document) -> None:
@@ -49,9 +49,7 @@ class Audit:
     @property
     def detail(self) -> str:
         """The result in words."""
-        comparison = self.document["comparison"]
-        assert isinstance(comparison, dict)
-        return str(comparison["detail"])
+        return str(fields(self.document["comparison"])["detail"])
 
     def __repr__(self) -> str:
         return f"<audit {self.document['id']}: {self.document['verdict']}, {self.detail}>"
@@ -96,9 +94,7 @@ class Motion(Generic[CarrierT]):
     @property
     def problem(self) -> Mapping[str, object]:
         """The document that was solved."""
-        problem = self.document["problem"]
-        assert isinstance(problem, Mapping)
-        return problem
+        return fields(self.document["problem"])
 
     @property
     def period(self) -> Quantity | None:
@@ -121,16 +117,16 @@ class Motion(Generic[CarrierT]):
     def errors(self) -> Mapping[str, Mapping[str, float | None]]:
         """The same of ``omega`` and ``gamma`` alone, ``absolute`` and ``relative`` to their largest values.
 
-        With the orientation also of ``quaternion``, ``psi1`` and ``psi3``; empty where nothing is told.
+        With the orientation also of ``quaternion``, ``psi1`` and ``psi3``; empty where there are none.
         """
-        told = self.document.get("errors")
-        return told if isinstance(told, Mapping) else {}
+        errors = self.document.get("errors")
+        return errors if isinstance(errors, Mapping) else {}
 
     @property
     def aperiodic(self) -> str | None:
         """Why it has no period: ``separatrix``, ``equilibrium``, ``collision`` or ``pole``."""
-        told = self.document.get("aperiodic")
-        return None if told is None else str(told)
+        reason = self.document.get("aperiodic")
+        return None if reason is None else str(reason)
 
     @property
     def tier(self) -> str:
@@ -145,21 +141,20 @@ class Motion(Generic[CarrierT]):
     @property
     def way(self) -> str:
         """``compiled``, or ``plain``: as accurate, before the solvers of that machine were compiled."""
-        told = self.document.get("provenance")
-        return "plain" if isinstance(told, Mapping) and told.get("way") == "plain" else "compiled"
+        provenance = self.document.get("provenance")
+        is_plain = isinstance(provenance, Mapping) and provenance.get("way") == "plain"
+        return "plain" if is_plain else "compiled"
 
     @property
     def stability(self) -> Mapping[str, object] | None:
         """Whether small disturbances leave the plane, if the outputs asked for it."""
-        told = self.document.get("stability")
-        return told if isinstance(told, Mapping) else None
+        stability = self.document.get("stability")
+        return stability if isinstance(stability, Mapping) else None
 
     @property
     def labels(self) -> Mapping[str, str]:
         """The labels of the solution."""
-        labels = self.document["labels"]
-        assert isinstance(labels, Mapping)
-        return labels
+        return fields(self.document["labels"])
 
     @operation
     def at(self, times: ArrayLike) -> Operation[Samples]:
@@ -252,8 +247,8 @@ class Motion(Generic[CarrierT]):
 
     def _fetched(self) -> Operation[FunctionOfTime]:
         if self._function is None:
-            told = yield from ask_json(self.carrier.terms, "GET", f"/v1/solutions/{self.id}/function")
-            self._function = _read_function(told)
+            document = yield from ask_json(self.carrier.terms, "GET", f"/v1/solutions/{self.id}/function")
+            self._function = _read_function(document)
         return self._function
 
     def _stored(self) -> Operation[Samples]:
@@ -294,7 +289,7 @@ class Motion(Generic[CarrierT]):
 
 def _in_words(problem: Mapping[str, object]) -> str:
     """Return body, potential and motion of a problem on one line, without what is nested deeper."""
-    told = []
+    parts = []
     for name in ("body", "potential", "motion"):
         section = problem.get(name)
         given = dict(section) if isinstance(section, Mapping) else {}
@@ -303,26 +298,21 @@ def _in_words(problem: Mapping[str, object]) -> str:
         first = given.pop("expression", None) or given.get("type")
         given.pop("type", None)
         numbers = [f"{key} = {value}" for key, value in given.items() if isinstance(value, int | float | str)]
-        told.append(", ".join([str(first)] * (first is not None) + numbers))
-    return "; ".join(told)
+        parts.append(", ".join([str(first)] * (first is not None) + numbers))
+    return "; ".join(parts)
 
 
-def _read_function(told: Mapping[str, object]) -> FunctionOfTime:
-    columns, errors, advances = told["columns"], told["errors"], told["advances"]
-    assert isinstance(columns, list)
-    assert isinstance(errors, Mapping)
-    assert isinstance(advances, Mapping)
+def _read_function(document: Mapping[str, object]) -> FunctionOfTime:
     return FunctionOfTime(
-        columns=tuple(map(str, columns)),
-        breaks=np.array(told["breaks"], dtype=np.float64),
-        coefficients=np.array(told["coefficients"], dtype=np.float64),
-        period=None if told["period"] is None else _pair(told["period"]),
-        error=float(str(told["error"])),
-        errors={str(name): float(error) for name, error in errors.items()},
-        advances={str(name): _pair(gained) for name, gained in advances.items()},
+        columns=tuple(map(str, items(document["columns"]))),
+        breaks=np.array(document["breaks"], dtype=np.float64),
+        coefficients=np.array(document["coefficients"], dtype=np.float64),
+        period=None if document["period"] is None else _pair(document["period"]),
+        error=float(str(document["error"])),
+        errors={str(name): float(error) for name, error in fields(document["errors"]).items()},
+        advances={str(name): _pair(gained) for name, gained in fields(document["advances"]).items()},
     )
 
 
-def _pair(told: object) -> PairOfDoubles:
-    assert isinstance(told, Mapping)
-    return PairOfDoubles(*(float(told[name]) for name in ("hi", "lo", "error")))
+def _pair(document: object) -> PairOfDoubles:
+    return PairOfDoubles(*(float(fields(document)[name]) for name in ("hi", "lo", "error")))

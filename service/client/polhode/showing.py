@@ -98,7 +98,7 @@ def sphere_svg(gamma: NDArray[np.float64]) -> str:
     across, up, towards = _axes()
     radius = _SIZE / 2 - 6
 
-    def place(point: NDArray[np.float64]) -> str:
+    def position(point: NDArray[np.float64]) -> str:
         return (
             f"{_SIZE / 2 + radius * float(point @ across):.1f},{_SIZE / 2 - radius * float(point @ up):.1f}"
         )
@@ -108,15 +108,15 @@ def sphere_svg(gamma: NDArray[np.float64]) -> str:
     edges = np.flatnonzero(np.diff(is_front)) + 1
     for part in np.split(np.arange(len(gamma)), edges):
         # One point more on either side joins the pieces.
-        points = " ".join(place(gamma[k]) for k in range(part[0], min(part[-1] + 2, len(gamma))))
+        points = " ".join(position(gamma[k]) for k in range(part[0], min(part[-1] + 2, len(gamma))))
         opacity = "1" if is_front[part[0]] else "0.3"
         lines.append(
             f"<polyline points='{points}' fill='none' stroke='#1f6feb' stroke-width='1.6'"
             f" opacity='{opacity}'/>"
         )
     axes = "".join(
-        f"<line x1='{_SIZE / 2}' y1='{_SIZE / 2}' x2='{place(axis).partition(',')[0]}'"
-        f" y2='{place(axis).partition(',')[2]}' stroke='#999' stroke-width='0.7'/>"
+        f"<line x1='{_SIZE / 2}' y1='{_SIZE / 2}' x2='{position(axis).partition(',')[0]}'"
+        f" y2='{position(axis).partition(',')[2]}' stroke='#999' stroke-width='0.7'/>"
         for axis in np.eye(3)
     )
     circle = f"<circle cx='{_SIZE / 2}' cy='{_SIZE / 2}' r='{radius}' fill='#8881' stroke='#888'/>"
@@ -173,9 +173,9 @@ class Bar:
         rest = progress.remaining_seconds
         if rest is None and rate > 0:
             rest = (progress.total - progress.done) / rate
-        told = "" if rest is None or progress.is_over else f", {_span(rest)} left"
+        left = "" if rest is None or progress.is_over else f", {_span(rest)} left"
         done = f"{progress.done:,} of {progress.total:,} {progress.what}"
-        return f"{bar:<{_WIDTH}} {share:4.0%} {done}, {rate:,.0f}/s{told}   "
+        return f"{bar:<{_WIDTH}} {share:4.0%} {done}, {rate:,.0f}/s{left}   "
 
 
 def is_watched() -> bool:

@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from polhode import showing as drawing
 from polhode.documents.problems import Document, changed, nearest
+from polhode.documents.quantities import fields, items
 from polhode.errors import WrongArgumentError
 from polhode.evaluation import FloatArray, optional
 from polhode.jobs import WAIT_SECONDS, motion_of, submit
@@ -32,7 +33,7 @@ class Sweep(Generic[CarrierT]):
     Attributes
     ----------
     state
-        The sweep as the service told it last, with ``state``, ``points``, ``done`` and ``refused``.
+        The sweep as the service described it last, with ``state``, ``points``, ``done`` and ``refused``.
     """
 
     def __init__(self, carrier: CarrierT, document: Document) -> None:
@@ -71,10 +72,10 @@ class Sweep(Generic[CarrierT]):
             It took longer than ``seconds``; the sweep goes on.
         """
         known = self.state if self.state.get("state") in FINAL else None
-        told = yield from follow(
+        state = yield from follow(
             self.carrier.terms, f"/v1/sweeps/{self.id}", known, seconds=seconds, what="points"
         )
-        self.state = {**self.state, **told}
+        self.state = {**self.state, **state}
 
     @operation
     def cancel(self) -> Operation[None]:
@@ -107,11 +108,9 @@ class Sweep(Generic[CarrierT]):
         """Return all kept numbers as an xarray dataset, with the axes of the grid as its coordinates."""
         xarray = optional("xarray", "array()")
         document = yield from self._document()
-        keep = document["keep"]
-        assert isinstance(keep, list)
         short = list((yield from self._names()).values())
         found = {}
-        for name in keep:
+        for name in items(document["keep"]):
             found[name] = yield from self._grid(name)
         values, coordinates = next(iter(found.values()))
         dims = short if values.ndim == len(short) else ["index"]
@@ -165,15 +164,11 @@ class Sweep(Generic[CarrierT]):
     def _document(self) -> Operation[Document]:
         if "document" not in self.state:
             self.state |= yield from ask_json(self.carrier.terms, "GET", f"/v1/sweeps/{self.id}")
-        document = self.state["document"]
-        assert isinstance(document, dict)
-        return document
+        return fields(self.state["document"])
 
     def _axes(self) -> Operation[list[Mapping[str, object]]]:
         document = yield from self._document()
-        axes = document["axes"]
-        assert isinstance(axes, list)
-        return axes
+        return items(document["axes"])
 
     def _names(self) -> Operation[dict[str, str]]:
         """Return the short name of each axis by its pointer."""
@@ -250,12 +245,10 @@ class Point(Generic[CarrierT]):
     def _row(self) -> Operation[dict[str, object]]:
         path = f"/v1/sweeps/{self.sweep.id}/points?where=index={self.index}&limit=1"
         page = yield from ask_json(self.carrier.terms, "GET", path)
-        items = page["items"]
-        assert isinstance(items, list)
-        if not items:
+        rows = items(page["items"])
+        if not rows:
             raise WrongArgumentError(f"point {self.index} is not computed yet; wait() waits for all of them")
-        row: dict[str, object] = items[0]
-        return row
+        return fields(rows[0])
 
     def _problem(self) -> Operation[Document]:
         document = yield from Sweep._document(self.sweep)
@@ -263,15 +256,13 @@ class Point(Generic[CarrierT]):
         row = yield from self._row()
         lengths = [_length(axis) for axis in axes]
         is_zip = document.get("combine") == "zip"
-        places = [self.index] * len(axes) if is_zip else _place(self.index, lengths)
+        indices = [self.index] * len(axes) if is_zip else _grid_indices(self.index, lengths)
         numbers: dict[str, object] = {}
-        for axis, place in zip(axes, places, strict=True):
+        for axis, index in zip(axes, indices, strict=True):
             pointer, listed = str(axis["pointer"]), axis.get("values")
             # Listed values are exact; the others mean the shortest decimal of the number shown.
-            numbers[pointer] = listed[place] if isinstance(listed, list) else row[pointer]
-        base = document["base"]
-        assert isinstance(base, dict)
-        return changed(base, numbers)
+            numbers[pointer] = listed[index] if isinstance(listed, list) else row[pointer]
+        return changed(fields(document["base"]), numbers)
 
     def __repr__(self) -> str:
         return f"<point {self.index} of sweep {self.sweep.id}>"
@@ -285,10 +276,10 @@ def _length(axis: Mapping[str, object]) -> int:
     raise WrongArgumentError(f"the axis {axis} has no values")
 
 
-def _place(index: int, lengths: Sequence[int]) -> list[int]:
-    """Return the place of a point on each axis of a grid, whose last axis varies fastest."""
-    places = []
+def _grid_indices(index: int, lengths: Sequence[int]) -> list[int]:
+    """Return the index of a point on each axis of a grid, whose last axis varies fastest."""
+    indices = []
     for length in reversed(lengths):
-        index, place = divmod(index, length)
-        places.append(place)
-    return places[::-1]
+        index, on_axis = divmod(index, length)
+        indices.append(on_axis)
+    return indices[::-1]

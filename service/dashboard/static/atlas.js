@@ -33,7 +33,7 @@ function inWords({ parts, changes, undecided }) {
     ...changes.map(({ lambda: { value, error }, kind }) => [value, h("strong", {}, "λ = ", h("span", { class: "value" }, number(value, 10)), ` ± ${number(error, 1)}: ${CHANGES[kind][0]}`),
       CHANGES[kind][1] ? `, ${CHANGES[kind][1]}` : ""]),
   ];
-  return lines.sort(([left], [right]) => left - right).map(([, ...told]) => h("li", {}, told));
+  return lines.sort(([left], [right]) => left - right).map(([, ...line]) => h("li", {}, line));
 }
 
 /** Return the places of samples that are about ``gap`` apart; at least one. */

@@ -94,10 +94,10 @@ function apart(own, other) {
 
 function sentence({ one, isSame, largest, claimed, at, in: name }) {
   const isWithin = largest <= claimed;
-  const both = `the ${number(claimed, 2)} that the two claim together`;
-  const told = isWithin ? `within ${both}: they agree.` : `more than ${both}: ${isSame ? "one of them is wrong" : "they are different motions"}.`;
+  const both = `the sum of both claimed errors, ${number(claimed, 2)}`;
+  const verdict = isWithin ? `within ${both}: they agree.` : `more than ${both}: ${isSame ? "one of them is wrong" : "they are different motions"}.`;
   return h("p", { class: isSame && !isWithin ? "notice bad" : "notice" }, h("a", { href: `./solution?id=${one.id}` }, short(one)),
-    `: at most ${number(largest, 2)} apart, in ${SHOWN[name]} at t = ${number(at, 6)}, ${told}`);
+    `: the largest difference is ${number(largest, 2)}, in ${SHOWN[name]} at t = ${number(at, 6)}, ${verdict}`);
 }
 
 /** Draw each variable of all solutions in a picture of its own. */

@@ -93,7 +93,7 @@ export async function request(path, { method = "GET", body, headers = {}, signal
 
 /** Wait, and say why nothing is shown yet. */
 async function waitForTurn(seconds) {
-  const notice = h("p", { class: "notice", role: "status" }, `The service is busy with other readers; asking again in ${seconds} s.`);
+  const notice = h("p", { class: "notice", role: "status" }, `The service is busy with other requests; trying again in ${seconds} s.`);
   $("content").before(notice);
   await pause(1000 * seconds);
   notice.remove();

@@ -7,7 +7,7 @@ const LONGEST_PAUSE = 5000;
  * Call ``seen(name, document)`` with each change until ``isOver(document)`` or the signal says stop.
  *
  * ``events`` is the path of the stream, ``path`` of the resource and ``name`` what its event is called.
- * ``lost(isLost)`` is told when the service stops answering, and when it answers again.
+ * ``lost(isLost)`` is called when the service stops answering, and when it answers again.
  */
 export async function follow({ events, path, name, seen, isOver = () => false, lost = () => {}, signal, every = 1000 }) {
   let last = null;

@@ -10,7 +10,7 @@ const MOST_OFF = 0.02; // of a range, two pixels of a small picture: lines that 
 const UNDERWAY = ["queued", "running"];
 const SILENT = 10_000; // milliseconds without a word of a sweep, after which it is asked for
 
-const told = { job: new Map(), sweep: new Map() }; // what the events have told last of what is under way
+const latest = { job: new Map(), sweep: new Map() }; // the latest states of what is under way, by events
 const rows = new Map();
 let atWork = [];
 let heard = 0;
@@ -29,18 +29,18 @@ function showStatus(status) {
     tile("Solved in a minute", String(minute.succeeded)), tile("Failed in a minute", String(minute.failed)));
   $("status").setAttribute("aria-busy", "false");
   atWork = working.flatMap((worker) => worker.running);
-  const isStale = told.sweep.size > 0 && Date.now() - heard > SILENT;
-  if (isStale || atWork.some(({ sweep }) => sweep && !told.sweep.has(sweep))) showSweeps().catch(() => {}); // the next status asks again
+  const isStale = latest.sweep.size > 0 && Date.now() - heard > SILENT;
+  if (isStale || atWork.some(({ sweep }) => sweep && !latest.sweep.has(sweep))) showSweeps().catch(() => {}); // the next status asks again
   showRunning();
 }
 
 /** Show a row for each sweep under way and each job at work; a row stays the same element, so nobody loses the focus. */
 function showRunning() {
   const jobs = atWork.filter(({ kind }) => kind === "solve").map(({ id, seconds }) => {
-    const { progress = 0 } = told.job.get(id) ?? {};
+    const { progress = 0 } = latest.job.get(id) ?? {};
     return { id, progress, name: h("span", {}, "Job ", h("code", {}, id)), text: `${number(100 * progress, 3)} %, for ${number(seconds, 2)} s` };
   });
-  const sweeps = [...told.sweep.values()].map(({ id, note, state, progress, done, points, remaining_seconds: left }) => ({
+  const sweeps = [...latest.sweep.values()].map(({ id, note, state, progress, done, points, remaining_seconds: left }) => ({
     id, progress, name: h("span", {}, h("a", { href: `./sweep?id=${id}` }, `Sweep ${note ?? id}`)),
     text: `${state}, ${done.toLocaleString("en")} of ${points.toLocaleString("en")} points${left ? `, about ${number(left, 2)} s more` : ""}` }));
   const shown = [...sweeps, ...jobs];
@@ -65,15 +65,15 @@ function showRunning() {
 async function showSweeps() {
   const { items } = await get(`v1/sweeps?limit=${CARDS}&where=${encodeURIComponent(`state in (${UNDERWAY.join(", ")})`)}`);
   heard = Date.now();
-  told.sweep = new Map(items.map((sweep) => [sweep.id, sweep]));
+  latest.sweep = new Map(items.map((sweep) => [sweep.id, sweep]));
   showRunning();
 }
 
-/** Take what an event tells of a job or a sweep. */
+/** Take the state of a job or a sweep from an event. */
 function hear(name, found) {
   if (name === "sweep") heard = Date.now();
-  if (UNDERWAY.includes(found.state)) told[name].set(found.id, found);
-  else told[name].delete(found.id);
+  if (UNDERWAY.includes(found.state)) latest[name].set(found.id, found);
+  else latest[name].delete(found.id);
   showRunning();
 }
 
@@ -91,7 +91,7 @@ async function paint({ solution, place, title }) {
   const stretch = solution.period ? `start=0&stop=${solution.period.value}&` : "";
   const answer = await request(`v1/solutions/${solution.id}/trajectory?${stretch}preview=${POINTS}&columns=t,g1,g2,g3`, { headers: { Accept: "application/x-npz" } });
   if (Number(answer.headers.get("Polhode-Deviation")) > MOST_OFF) {
-    place.replaceChildren(h("p", { class: "hint" }, "It turns too often for a small picture."));
+    place.replaceChildren(h("p", { class: "hint" }, "It oscillates too fast for a small picture."));
     return;
   }
   const columns = arraysOf(await answer.arrayBuffer());
@@ -134,5 +134,5 @@ follow({
     else hear(name, found);
     if (name !== "sweep") showLast().catch(() => {}); // the next change brings them
   },
-  lost: (isLost) => { $("pulse").textContent = isLost ? "the service does not answer; asking again" : ""; },
+  lost: (isLost) => { $("pulse").textContent = isLost ? "the service does not answer; trying again" : ""; },
 });

@@ -71,7 +71,7 @@ function ramp() {
   });
 }
 
-/** The marks of points without a number, one for each reason: stripes, told by their direction and width as well. */
+/** The marks of points without a number, one for each reason: stripes, which differ in direction and width as well. */
 const STRIPES = [(x, y) => (x + y) % 8 < 2, (x, y) => (x - y + 80000) % 8 < 2, (x, y) => y % 6 < 2, (x, y) => x % 6 < 2, (x, y) => x % 5 < 2 && y % 5 < 2];
 const stripe = (n) => STRIPES[n % STRIPES.length];
 
@@ -231,7 +231,7 @@ export function cloud({ plane, x, y, of, shades, isLogX, isLogY, view, colours }
 }
 
 /** Return what is known of a cell, in a line. */
-export function told({ plane, cell, of, where }) {
+export function shownAt({ plane, cell, of, where }) {
   const code = plane.codes[cell];
   const what = code < 0 ? "not computed yet" : plane.words[code] === SOLVED ? `${short(of)} = ${number(plane.numbers[cell], 10)}` : words(plane.words[code]);
   return `${where.map(([name, value]) => `${short(name)} = ${number(value, 6)}`).join(", ")}: ${what}`;

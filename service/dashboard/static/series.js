@@ -64,9 +64,9 @@ function firstOf({ columns, ...rest }, period) {
 }
 
 const NOTES = {
-  lines: ({ columns: { t }, off }) => `${t.length} points, the lines between them off by at most ${number(off, 1)} of a range`,
-  dots: ({ columns: { t } }) => `${t.length} values; the motion between them turns too often to be drawn as lines, so zoom to see it`,
-  band: ({ periods }) => `${number(periods, 4)} periods, too many to be drawn: filled is what each variable goes through. Zoom, or ask for one period`,
+  lines: ({ columns: { t }, off }) => `${t.length} points, the lines between them are off by at most ${number(off, 1)} of the range of a variable`,
+  dots: ({ columns: { t } }) => `${t.length} values; the motion oscillates too fast between them to be drawn as lines. Zoom in to see it`,
+  band: ({ periods }) => `${number(periods, 4)} periods, too many to be drawn: the filled area is the range of each variable. Zoom in, or show one period`,
 };
 
 /** Draw a solution over time and keep it drawn; call ``seen(stretch)`` with each stretch. */
@@ -100,7 +100,7 @@ export async function overTime(solution, stretch, seen) {
     tellStretch();
     remember({ start: place && place[0], stop: place && place[1] });
     await drawLines();
-    const text = `From ${number(t[0], 10)} to ${number(t.at(-1), 10)}: ${NOTES[shown.kind](shown)}; no value is off by more than ${number(shown.error, 2)}.`;
+    const text = `From ${number(t[0], 10)} to ${number(t.at(-1), 10)}: ${NOTES[shown.kind](shown)}; every value has an error of at most ${number(shown.error, 2)}.`;
     $("series-note").textContent = text;
     say(text);
     seen(shown);
@@ -147,8 +147,8 @@ function tracesOf({ kind, columns, error, ranges }, heights, colours) {
     const k = NAMES.indexOf(name);
     const colour = colours[`c${(k % 3) + 1}`];
     const common = { name: SHOWN[name], yaxis: k < 3 ? "y" : "y2", legendgroup: name, mode: "lines" };
-    const area = (x, low, high, told) => [{ ...common, x, y: low, line: { width: 0 }, showlegend: false, hoverinfo: "skip" },
-      { ...common, x, y: high, line: { width: 0 }, fill: "tonexty", fillcolor: `${colour}40`, ...told }];
+    const area = (x, low, high, style) => [{ ...common, x, y: low, line: { width: 0 }, showlegend: false, hoverinfo: "skip" },
+      { ...common, x, y: high, line: { width: 0 }, fill: "tonexty", fillcolor: `${colour}40`, ...style }];
     if (kind === "band") {
       const [low, high] = ranges[name].map((end, side) => end + (side ? error : -error));
       return area([columns.t[0], columns.t.at(-1)], [low, low], [high, high],
@@ -173,7 +173,7 @@ export async function drifts(body, { columns, error }) {
     traces: [
       { x: t, y: length, name: "|γ|² − 1", mode: "markers", marker: { size: 3.5, color: colours.c1 } },
       { x: t, y: areas, name: "I·ω·γ, change", mode: "markers", marker: { size: 3.5, color: colours.c2 } },
-      { x: [t[0], t.at(-1)], y: [error, error], name: "told error", mode: "lines", line: { color: colours.soft, dash: "dot", width: 1.5 } },
+      { x: [t[0], t.at(-1)], y: [error, error], name: "claimed error", mode: "lines", line: { color: colours.soft, dash: "dot", width: 1.5 } },
     ],
     layout: { xaxis: { title: { text: "t" } }, yaxis: { type: "log", exponentformat: "power", dtick: 1 } },
   }));

@@ -23,22 +23,22 @@ function factsOf(solution) {
     period ? fact("Period", measured(period)) : fact("Period", aperiodic ? `none, ${ENDLESS[aperiodic] ?? aperiodic}` : "none is known"),
     energy ? fact("Energy", measured(energy)) : null,
     fact("Error of a sample", h("span", { class: "value" }, `≤ ${number(solution.error, 2)}`), relative(solution.errors)),
-    range ? fact("Fills", `from ${ENDS[range.ends[0]] ?? range.ends[0]} to ${ENDS[range.ends[1]] ?? range.ends[1]}`,
+    range ? fact("Range", `from ${ENDS[range.ends[0]] ?? range.ends[0]} to ${ENDS[range.ends[1]] ?? range.ends[1]}`,
       h("span", { class: "error" }, ` γ₁ in [${range.g1.map((x) => number(x, 5)).join(", ")}]`)) : null,
     drift.length ? fact("Drift", drift.map(([name, value], k) => [k ? ", " : "", `${name} `, h("span", { class: "value" }, number(value.drift, 2))]).flat()) : null,
     precession ? fact("Precession ψ in a period", measured(precession.psi1)) : null,
     stability ? fact("In its plane it is", h("span", { class: "value" }, stability.verdict), h("span", { class: "error" },
       ` trace ${number(stability.trace, 8)} ± ${number(stability.error, 2)}`)) : null,
-    stability?.trusted_time ? fact("An integration holds until", h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`)) : null,
+    stability?.trusted_time ? fact("Numerical integration is reliable until", h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`)) : null,
     check ? fact("Second method", `${check.method} ${check.agrees ? "agrees" : "disagrees"}`, h("span", { class: "error" }, ` within ${number(check.disagreement, 2)}`)) : null,
-    fact("How", `${solution.method}, tier ${solution.tier}`, h("span", { class: "error" }, ` ${number(solution.cost.compute_seconds, 2)} s`)),
+    fact("Method", `${solution.method}, tier ${solution.tier}`, h("span", { class: "error" }, ` ${number(solution.cost.compute_seconds, 2)} s`)),
   ].filter(Boolean);
 }
 
-/** The errors of ω and γ relative to their size, which tell more where that is far from 1. */
+/** The errors of ω and γ relative to their size: more useful where that is far from 1. */
 function relative(errors) {
-  const told = [["ω", errors?.omega], ["γ", errors?.gamma]].filter(([, error]) => error?.relative);
-  return told.length ? h("span", { class: "error" }, ` relative ${told.map(([name, error]) => `${number(error.relative, 2)} (${name})`).join(", ")}`) : "";
+  const groups = [["ω", errors?.omega], ["γ", errors?.gamma]].filter(([, error]) => error?.relative);
+  return groups.length ? h("span", { class: "error" }, ` relative ${groups.map(([name, error]) => `${number(error.relative, 2)} (${name})`).join(", ")}`) : "";
 }
 
 function curves({ columns }) {

@@ -3,7 +3,7 @@ import { $, asked, copier, fill, get, h, number, potentialText, request, run, sa
 import { linesOf, planeOf } from "./arrays.js";
 import { draw } from "./chart.js";
 import { follow } from "./follow.js";
-import { cloud, countsOf, endsOf, frame, legend, lines, paint, scaleOf, shadesOf, short, SOLVED, told, words } from "./planes.js";
+import { cloud, countsOf, endsOf, frame, legend, lines, paint, scaleOf, shadesOf, short, shownAt, SOLVED, words } from "./planes.js";
 import { askAndStart, lengthOf, narrowed, showPoint, showStretches } from "./starting.js";
 
 const FORMATS = { json: "JSON", csv: "CSV", ndjson: "NDJSON", npz: "NPZ (NumPy)", arrow: "Arrow", parquet: "Parquet" };
@@ -142,7 +142,7 @@ function listen() {
   $("frame").addEventListener("dblclick", () => $("whole").click());
   $("frame").addEventListener("mousemove", (event) => {
     const found = shown?.scales && under(event);
-    $("under").textContent = found ? told({ ...shown, ...found }) : "";
+    $("under").textContent = found ? shownAt({ ...shown, ...found }) : "";
   });
 }
 
@@ -247,7 +247,7 @@ if (sweep && !OVER.includes(sweep.state)) {
   await follow({
     events: `${path}/events`, path, name: "sweep", isOver: ({ state }) => OVER.includes(state),
     seen: (name, found) => { if (name === "sweep") { showProgress(found); keepUp(); } },
-    lost: (isLost) => { $("pulse").textContent = isLost ? "the service does not answer; asking again" : ""; },
+    lost: (isLost) => { $("pulse").textContent = isLost ? "the service does not answer; trying again" : ""; },
   });
   say(`the sweep ${sweep.state}`);
   await renew();

@@ -24,7 +24,7 @@ export function formula(text) {
 const PROOFS = {
   symbolic: "the compatibility equation is satisfied identically: proved with exact numbers",
   counterexample: "at one point the residual of the compatibility equation is certainly not zero",
-  numeric: "nothing against it was found; that is no proof",
+  numeric: "no counterexample was found, which is not a proof",
 };
 const WANTED = ["h", "F", "G", "curve", "p_squared"];
 
@@ -40,7 +40,7 @@ export function showVerdict(found) {
     h("p", { class: `verdict ${verdict}` }, h("strong", {}, words[verdict] ?? verdict), ` — ${PROOFS[proof] ?? proof}.`),
     counterexample ? h("p", {}, `At γ = (${counterexample.g.join(", ")}) the residual is `,
       h("span", { class: "value" }, `${number(Number(counterexample.residual.mid), 10)} ± ${number(Number(counterexample.residual.rad), 2)}`), ".") : null,
-    evidence?.points ? h("p", { class: "hint" }, `Looked at ${evidence.points} points with ${evidence.bits} bits; the largest enclosure is ${evidence.largest_enclosure}.`) : null,
+    evidence?.points ? h("p", { class: "hint" }, `Checked ${evidence.points} points with ${evidence.bits} bits; the largest enclosure of a residual is ${evidence.largest_enclosure}.`) : null,
     nearest ? h("p", {}, "The nearest admissible polynomial: ", h("code", {}, nearest.expression_named ?? nearest.expression)) : null);
 }
 

@@ -136,7 +136,7 @@ async function submit() {
           job = found;
           fill($("job"), h("p", {}, `${job.state}, ${number(100 * job.progress, 3)} %`));
         },
-        lost: (isLost) => { if (isLost) fill($("job"), h("p", {}, "The service does not answer; asking again.")); },
+        lost: (isLost) => { if (isLost) fill($("job"), h("p", {}, "The service does not answer; trying again.")); },
       });
     }
     const path = `./solution?id=${job.solution}`;

@@ -165,9 +165,23 @@ def _by_integrals(
     drift, error = 0.0, claim
     for block in blocks:
         drifts = _drifts(block.integrals.reshape(-1, 3), reference)
+        if equations.tape is None:
+            drifts[_is_at_pole(dense, block), 0] = 0.0
         drift = largest((drift, float(drifts.max(initial=0.0))))
         error = _raised(equations, block.states.reshape(-1, 6), drifts, error, reference, slack)
     return drift, error
+
+
+def _is_at_pole(dense: DenseOutput, block: StretchBatch) -> NDArray[np.bool_]:
+    """Say at which states g1 and g3 are roundings of their piece or its times: V1 depends on g3/g1 there."""
+    piece = block.stretches.piece
+    lengths = np.diff(dense.breaks)[piece]
+    later = np.abs(dense.breaks[1:])[piece] / lengths
+    sizes = np.abs(dense.coefficients[:, 1:]).sum(axis=1)[piece] * (
+        STATE_RELATIVE_ROUNDING * (1.0 + later[:, None])
+    )
+    is_small: NDArray[np.bool_] = np.abs(block.states) <= sizes[:, None]
+    return (is_small[..., 3] & is_small[..., 5]).ravel()
 
 
 @np.errstate(all="ignore")

@@ -44,7 +44,8 @@ def fold_binary(
 def _fold_formally(
     operator: BinaryOperator, left: Fraction | None, right: Fraction | None
 ) -> Fraction | None:
-    if (operator == "*" and 0 in (left, right)) or (operator == "/" and left == 0):
+    is_zero = left is not None and not left
+    if (operator == "*" and (is_zero or (right is not None and not right))) or (operator == "/" and is_zero):
         return Fraction(0)
     if operator == "^" and (left == 1 or right == 0):
         return Fraction(1)
@@ -84,7 +85,7 @@ def fold_call(function: FunctionName, argument: Fraction) -> Fraction | None:
 
 def require_exponent(exponent: Fraction) -> None:
     """Raise FormulaLimitError if a constant exponent is too large."""
-    if abs(exponent) > MAX_EXPONENT:
+    if abs(exponent.numerator) > MAX_EXPONENT * exponent.denominator:
         raise FormulaLimitError(f"the exponent {_short(exponent)} is beyond ±{MAX_EXPONENT}")
 
 

@@ -6,6 +6,8 @@ sign: ``-x^2`` is ``-(x^2)``, ``x^-y^2`` is ``x^(-(y^2))``.
 """
 
 import re
+import string
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -95,20 +97,36 @@ SUM, PRODUCT, SIGN, POWER, ATOM = 1, 2, 3, 4, 5
 
 BINDING: dict[BinaryOperator, int] = {"+": SUM, "-": SUM, "*": PRODUCT, "/": PRODUCT, "^": POWER}
 
-_OPERATORS: dict[str, BinaryOperator] = {operator: operator for operator in BINDING}
+_OPERATORS: dict[str, BinaryOperator] = {**{operator: operator for operator in BINDING}, "**": "^"}
 _FUNCTIONS: dict[str, FunctionName] = {name: name for name in FUNCTIONS}
+
+
+_PIECE = re.compile(
+    r"(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][+-]?\d+)?|[A-Za-z_][A-Za-z_0-9]*|\*\*|[^ \t\r\n]", re.ASCII
+)
+"""The tokens of a formula; any other character is a piece too, which no formula has."""
+_LETTERS = frozenset(string.ascii_letters + "_")
+_DIGITS = frozenset(string.digits + ".")
 
 
 @dataclass(frozen=True, slots=True)
 class LocatedTree:
-    """A tree and the offset of each of its nodes in the text, in post-order."""
+    """A tree, and what says from where in the text each of its nodes is."""
 
     tree: Tree
-    positions: tuple[int, ...]
+    text: str
+    tokens: tuple[int, ...]
+    """The number of the token of each node, in post-order."""
+
+    @property
+    def positions(self) -> tuple[int, ...]:
+        """The offset of each node in the text, in post-order."""
+        tokens = tokenize(self.text)
+        return tuple(tokens[index].position for index in self.tokens)
 
 
-def parse(text: str) -> Tree:
-    """Return the tree of ``text``.
+def parse(text: str, symbol: Callable[[str], Tree] = Symbol) -> Tree:
+    """Return the tree of ``text``, in which a name is what ``symbol`` makes of it.
 
     Raises
     ------
@@ -117,124 +135,147 @@ def parse(text: str) -> Tree:
     FormulaLimitError
         The text is larger than :mod:`service.dynamics.formula.limits` allows.
     """
-    return parse_located(text).tree
+    return _parsed(text, symbol).tree
 
 
 def parse_located(text: str) -> LocatedTree:
     """Return the tree of ``text`` with the places of its nodes; raises as :func:`parse`."""
-    return _Parser(tokenize(text)).formula()
+    return _parsed(text, Symbol)
+
+
+def _parsed(text: str, symbol: Callable[[str], Tree]) -> LocatedTree:
+    require(len(text), MAX_CHARACTERS, "characters", position=MAX_CHARACTERS)
+    pieces = _PIECE.findall(text)
+    if len(pieces) > MAX_TOKENS or len(max(pieces, key=len, default="")) > MAX_NAME:
+        # It may be refused; a number may be as long as it likes.
+        tokenize(text)
+    parser = _Parser(pieces, symbol)
+    try:
+        tree = parser.formula()
+    except FormulaError as error:
+        # A character outside of the grammar comes first; places are counted only where there is a fault.
+        tokens = tokenize(text)
+        place = None if error.position is None else tokens[error.position].position
+        raise type(error)(error.reason, position=place) from error
+    return LocatedTree(tree, text, tuple(parser.tokens))
 
 
 class _Parser:
-    """One pass over the tokens. Nodes are made children first, so ``positions`` is in post-order."""
+    """One pass over the pieces of a text. In its errors, positions are numbers of pieces.
 
-    def __init__(self, tokens: list[Token]) -> None:
-        self._tokens = tokens
+    Nodes are made children first, so that ``tokens``, the number of the piece of each, is in post-order.
+    """
+
+    def __init__(self, pieces: list[str], symbol: Callable[[str], Tree]) -> None:
+        self._pieces = [*pieces, ""]
+        self._symbol = symbol
         self._next = 0
         self._depth = 0
-        self._positions: list[int] = []
+        self._leaves: dict[str, Tree] = {}
+        """Numbers and names by their text, equal ones once."""
+        self.tokens: list[int] = []
 
-    def formula(self) -> LocatedTree:
+    def formula(self) -> Tree:
         tree = self._expression(0)
-        token = self._tokens[self._next]
-        if token.kind == "close":
-            raise FormulaError("')' without a '('", position=token.position)
-        if token.kind != "end":
-            raise FormulaError(f"an operator is missing before {token.text!r}", position=token.position)
-        return LocatedTree(tree, tuple(self._positions))
+        piece = self._pieces[self._next]
+        if piece == ")":
+            raise FormulaError("')' without a '('", position=self._next)
+        if piece:
+            raise FormulaError(f"an operator is missing before {_shown(piece)}", position=self._next)
+        return tree
 
     def _expression(self, floor: int) -> Tree:
         """Read operands joined by operators that bind tighter than ``floor``."""
         left = self._operand()
         while True:
-            token = self._tokens[self._next]
-            operator = _OPERATORS.get(token.text) if token.kind == "operator" else None
+            place = self._next
+            operator = _OPERATORS.get(self._pieces[place])
             if operator is None or BINDING[operator] <= floor:
                 return left
             self._next += 1
             if operator == "^":
-                self._enter(token)
+                self._enter(place)
                 right = self._expression(SIGN)
                 self._depth -= 1
             else:
                 right = self._expression(BINDING[operator])
             left = Binary(operator, left, right)
-            self._positions.append(token.position)
+            self.tokens.append(place)
 
     def _operand(self) -> Tree:
-        token = self._tokens[self._next]
+        place = self._next
+        piece = self._pieces[place]
         self._next += 1
-        tree: Tree
-        if token.kind == "number":
-            tree = _number(token)
-        elif token.kind == "name":
-            function = _FUNCTIONS.get(token.text)
-            opened = self._tokens[self._next].kind == "open"
+        first = piece[:1]
+        tree: Tree | None
+        if first in _LETTERS:
+            function = _FUNCTIONS.get(piece)
             if function is not None:
-                tree = Call(function, self._argument(token))
-            elif opened:
+                tree = Call(function, self._argument(place))
+            elif self._pieces[self._next] == "(":
                 raise FormulaError(
-                    f"{token.text!r} is not a function; known are {', '.join(FUNCTIONS)}"
-                    f" (a product needs '*')",
-                    position=token.position,
+                    f"{piece!r} is not a function; known are {', '.join(FUNCTIONS)} (a product needs '*')",
+                    position=place,
                 )
             else:
-                tree = Symbol(token.text)
-        elif token.kind == "open":
-            return self._inside(token)
-        elif token.text == "-":
-            self._enter(token)
+                tree = self._leaves.get(piece)
+                if tree is None:
+                    tree = self._leaves[piece] = self._symbol(piece)
+        elif first in _DIGITS:
+            tree = self._leaves.get(piece)
+            if tree is None:
+                tree = self._leaves[piece] = _number(piece, place)
+        elif piece == "(":
+            return self._inside(place)
+        elif piece == "-":
+            self._enter(place)
             tree = Negation(self._expression(SIGN))
             self._depth -= 1
         else:
-            found = repr(token.text) if token.text else "the end"
-            raise FormulaError(
-                f"a number, a name or '(' is expected, and {found} was found", position=token.position
-            )
-        self._positions.append(token.position)
+            found = _shown(piece) if piece else "the end"
+            raise FormulaError(f"a number, a name or '(' is expected, and {found} was found", position=place)
+        self.tokens.append(place)
         return tree
 
-    def _argument(self, function: Token) -> Tree:
-        token = self._tokens[self._next]
-        if token.kind != "open":
+    def _argument(self, place: int) -> Tree:
+        if self._pieces[self._next] != "(":
             raise FormulaError(
-                f"the function {function.text!r} needs its argument in parentheses",
-                position=function.position,
+                f"the function {self._pieces[place]!r} needs its argument in parentheses", position=place
             )
         self._next += 1
-        return self._inside(token)
+        return self._inside(self._next - 1)
 
-    def _inside(self, opening: Token) -> Tree:
+    def _inside(self, opening: int) -> Tree:
         """Read up to the parenthesis that closes ``opening``, which is already taken."""
         self._enter(opening)
         tree = self._expression(0)
         self._depth -= 1
-        token = self._tokens[self._next]
-        if token.kind != "close":
-            if token.kind == "end":
-                raise FormulaError("'(' is never closed", position=opening.position)
-            raise FormulaError(
-                f"an operator or ')' is missing before {token.text!r}", position=token.position
-            )
+        piece = self._pieces[self._next]
+        if not piece:
+            raise FormulaError("'(' is never closed", position=opening)
+        if piece != ")":
+            raise FormulaError(f"an operator or ')' is missing before {_shown(piece)}", position=self._next)
         self._next += 1
         return tree
 
-    def _enter(self, token: Token) -> None:
+    def _enter(self, place: int) -> None:
         self._depth += 1
         if self._depth > MAX_DEPTH:
             raise FormulaLimitError(
-                f"more than {MAX_DEPTH} parentheses, signs and exponents inside each other",
-                position=token.position,
+                f"more than {MAX_DEPTH} parentheses, signs and exponents inside each other", position=place
             )
 
 
-def _number(token: Token) -> Number:
+def _shown(piece: str) -> str:
+    return repr("^" if piece == "**" else piece)
+
+
+def _number(piece: str, place: int) -> Number:
     try:
-        return Number(exact_number(token.text))
+        return Number(exact_number(piece))
     except InvalidNumberError as error:
         # A token is a number by its form; only its size can be wrong.
         raise FormulaLimitError(
-            f"{token.text[:30]} has more than {MAX_DIGITS} digits"
-            f" or an exponent beyond ±{MAX_DECIMAL_EXPONENT}",
-            position=token.position,
+            f"{piece[:30]} has more than {MAX_DIGITS} digits or an exponent beyond ±{MAX_DECIMAL_EXPONENT}",
+            position=place,
         ) from error

@@ -23,14 +23,14 @@ def format_tree(tree: Tree) -> str:
 
 def exact_tree(value: Fraction) -> Tree:
     """Return the tree of an exact number: a decimal, else a ratio of integers, with its sign."""
-    if value < 0:
+    if value.numerator < 0:
         return Negation(exact_tree(-value)) if _is_decimal(value) else _ratio(value)
     return Number(value) if _is_decimal(value) else _ratio(value)
 
 
 def _ratio(value: Fraction) -> Tree:
     numerator: Tree = Number(Fraction(abs(value.numerator)))
-    if value < 0:
+    if value.numerator < 0:
         numerator = Negation(numerator)
     return Binary("/", numerator, Number(Fraction(value.denominator)))
 

@@ -7,19 +7,19 @@ from typing import Any, Literal, NamedTuple, TypeVar  # Any: what others derive 
 
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.errors import UnknownNameError
-from service.dynamics.formula.folding import fold_binary, fold_call
+from service.dynamics.formula.folding import fold_binary, fold_call, require_exponent
 from service.dynamics.formula.parameters import PI
 from service.dynamics.formula.programs import Programs, Run, Way
 from service.dynamics.formula.tree import (
     VARIABLES,
+    Binary,
     BinaryOperator,
-    Call,
     FunctionName,
     Negation,
     Number,
     Symbol,
     Tree,
-    fold_tree,
+    post_order,
 )
 
 T = TypeVar("T")
@@ -111,15 +111,18 @@ class Recorder:
     def __init__(self, variables: tuple[str, ...]) -> None:
         self._variables = variables
         self._instructions: list[Instruction] = []
-        self._registers: dict[Instruction, int] = {}
+        self._registers: dict[object, int] = {}
 
     def emit(self, instruction: Instruction) -> int:
         """Return the register of an instruction, which is appended unless it is there."""
-        register = self._registers.get(instruction)
+        operation, left, right, number, name = instruction
+        # The hash of a fraction takes a power of its denominator.
+        key = instruction if number is None else (operation, left, right, *number.as_integer_ratio(), name)
+        register = self._registers.get(key)
         if register is None:
             register = len(self._variables) + len(self._instructions)
             self._instructions.append(instruction)
-            self._registers[instruction] = register
+            self._registers[key] = register
         return register
 
     def instruction(self, register: int) -> Instruction | None:
@@ -133,41 +136,46 @@ class Recorder:
 
 
 _Operand = Fraction | int
-"""While compiling: an exact constant, or the number of a register."""
+"""While compiling: an exact constant, or the number of a register.
+
+It is asked whether one is an int: a check of Fraction, which is an abstract class's, takes ten times as long.
+"""
 
 
 class _Compiler:
     def __init__(self, variables: tuple[str, ...], formally: bool) -> None:
-        self._variables = variables
+        self._inputs = {name: register for register, name in enumerate(variables)}
         self._formally = formally
         self._recorder = Recorder(variables)
+        self._emit = self._recorder.emit
 
     def compile(self, tree: Tree) -> Tape:
-        result = self._register(fold_tree(tree, self._node))
-        return without_unused(self._recorder.whole(result))
+        # As fold_tree goes, without a call for each node.
+        found: list[_Operand] = []
+        for node in post_order(tree):
+            if isinstance(node, Binary):
+                right = found.pop()
+                found[-1] = self._binary(node.operator, found[-1], right)
+            elif isinstance(node, Number):
+                found.append(node.value)
+            elif isinstance(node, Symbol):
+                found.append(self._symbol(node.name))
+            elif isinstance(node, Negation):
+                found[-1] = self._negate(found[-1])
+            else:
+                found[-1] = self._call(node.function, found[-1])
+        return without_unused(self._recorder.whole(self._register(found[0])))
 
-    def _node(self, index: int, node: Tree, operands: Sequence[_Operand]) -> _Operand:
-        if isinstance(node, Number):
-            return node.value
-        if isinstance(node, Symbol):
-            return self._symbol(node)
-        if isinstance(node, Negation):
-            return self._negate(operands[0])
-        if isinstance(node, Call):
-            return self._call(node.function, operands[0])
-        return self._binary(node.operator, operands[0], operands[1])
-
-    def _symbol(self, node: Symbol) -> _Operand:
-        if node.name == PI:
+    def _symbol(self, name: str) -> _Operand:
+        register = self._inputs.get(name)
+        if register is not None:
+            return register
+        if name == PI:
             return self._emit(Instruction("pi"))
-        if node.name not in self._variables:
-            raise UnknownNameError(
-                f"{node.name!r} is not known here; known are {', '.join(self._variables)}, {PI}"
-            )
-        return self._variables.index(node.name)
+        raise UnknownNameError(f"{name!r} is not known here; known are {', '.join(self._inputs)}, {PI}")
 
     def _call(self, function: FunctionName, operand: _Operand) -> _Operand:
-        if isinstance(operand, Fraction):
+        if not isinstance(operand, int):
             value = fold_call(function, operand)
             if value is not None:
                 return value
@@ -176,20 +184,28 @@ class _Compiler:
         return self._emit(Instruction("call", self._register(operand), name=function))
 
     def _negate(self, operand: _Operand) -> _Operand:
-        if isinstance(operand, Fraction):
+        if not isinstance(operand, int):
             return -operand
         return self._emit(Instruction("negate", operand))
 
     def _binary(self, operator: BinaryOperator, left: _Operand, right: _Operand) -> _Operand:
+        # Most operations are these, in which nothing is folded.
+        if isinstance(left, int):
+            if operator == "^":
+                if not isinstance(right, int) and right:
+                    require_exponent(right)
+                    return self._power(left, right)
+            elif isinstance(right, int):
+                return self._emit(Instruction(_ARITHMETIC[operator], left, right))
         value = fold_binary(operator, _constant(left), _constant(right), formally=self._formally)
         if value is not None:
             return value
         if operator == "^":
-            if left == 1 and isinstance(left, Fraction):
+            if not isinstance(left, int) and left == 1:
                 return self._one_where_defined(right)
-            if right == 0 and isinstance(right, Fraction):
+            if not isinstance(right, int) and right == 0:
                 return self._one_where_defined(left)
-            if isinstance(right, Fraction):
+            if not isinstance(right, int):
                 return self._power(left, right)
             return self._emit(Instruction("general_power", self._register(left), self._register(right)))
         simple = self._without_neutral(operator, left, right)
@@ -203,12 +219,12 @@ class _Compiler:
 
     def _without_neutral(self, operator: BinaryOperator, left: _Operand, right: _Operand) -> _Operand | None:
         """Return what is left of an operation with a constant 0, 1 or -1, None if all of it is."""
-        if isinstance(right, Fraction):
+        if not isinstance(right, int):
             if operator in "+-" and right == 0:
                 return left
             if operator in "*/" and abs(right) == 1:
                 return left if right == 1 else self._negate(left)
-        if isinstance(left, Fraction):
+        if not isinstance(left, int):
             if operator in "+-" and left == 0:
                 return right if operator == "+" else self._negate(right)
             if operator == "*" and abs(left) == 1:
@@ -222,12 +238,9 @@ class _Compiler:
         return self._emit(Instruction("power", self._register(base), number=exponent))
 
     def _register(self, operand: _Operand) -> int:
-        if isinstance(operand, Fraction):
+        if not isinstance(operand, int):
             return self._emit(Instruction("constant", number=operand))
         return operand
-
-    def _emit(self, instruction: Instruction) -> int:
-        return self._recorder.emit(instruction)
 
 
 def with_inputs(tape: Tape, places: Sequence[int]) -> Tape:
@@ -248,7 +261,7 @@ def with_inputs(tape: Tape, places: Sequence[int]) -> Tape:
 
 
 def _constant(operand: _Operand) -> Fraction | None:
-    return operand if isinstance(operand, Fraction) else None
+    return None if isinstance(operand, int) else operand
 
 
 def without_unused(tape: Tape) -> Tape:
@@ -259,6 +272,8 @@ def without_unused(tape: Tape) -> Tape:
         if register in needed:
             instruction = tape.instructions[register - inputs]
             needed |= {instruction.left, instruction.right}
+    if len(needed - set(range(-1, inputs))) == len(tape.instructions):
+        return tape
     renumbered = {register: register for register in range(-1, inputs)}
     kept: list[Instruction] = []
     for register, instruction in enumerate(tape.instructions, start=inputs):

@@ -62,6 +62,7 @@ class Call:
 
 
 Tree = Number | Symbol | Negation | Binary | Call
+_OF_ONE = (Negation, Call)
 
 
 R = TypeVar("R")
@@ -86,12 +87,20 @@ def post_order(tree: Tree) -> list[Tree]:
     FormulaLimitError
         The tree has more than MAX_NODES nodes.
     """
-    stack, nodes = [tree], []
+    # Every formula passes through here more than once.
+    stack, nodes = [tree], list[Tree]()
     while stack:
         node = stack.pop()
         nodes.append(node)
-        require(len(nodes), MAX_NODES, "nodes in the tree")
-        stack.extend(children(node))
+        if isinstance(node, Binary):
+            stack += (node.left, node.right)
+            if len(nodes) > MAX_NODES:
+                require(len(nodes), MAX_NODES, "nodes in the tree")
+        elif isinstance(node, Negation):
+            stack.append(node.operand)
+        elif isinstance(node, Call):
+            stack.append(node.argument)
+    require(len(nodes), MAX_NODES, "nodes in the tree")
     nodes.reverse()
     return nodes
 
@@ -103,9 +112,11 @@ def fold_tree(tree: Tree, build: Callable[[int, Tree, Sequence[R]], R]) -> R:
     """
     results: list[R] = []
     for index, node in enumerate(post_order(tree)):
-        arity = len(children(node))
-        first = len(results) - arity
-        operands = results[first:]
-        del results[first:]
-        results.append(build(index, node, operands))
+        if isinstance(node, Binary):
+            right = results.pop()
+            results[-1] = build(index, node, (results[-1], right))
+        elif isinstance(node, _OF_ONE):
+            results[-1] = build(index, node, (results[-1],))
+        else:
+            results.append(build(index, node, ()))
     return results[0]

@@ -1,5 +1,6 @@
 """Reads what ``POST /v1/atlases`` and ``polhode atlas`` take: a body, a potential and a range of λ."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Annotated, Literal
@@ -9,18 +10,22 @@ from pydantic import AfterValidator, Field, PlainValidator, WithJsonSchema
 from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
+from service.dynamics.exact import exact_number
 from service.dynamics.potentials.potential import Potential
-from service.schemas.problem.documents import MEMBERS, Accept
+from service.dynamics.problem import Accept
+from service.schemas.problem.documents import MEMBERS
 from service.schemas.problem.potentials import PotentialIn
 from service.schemas.problem.problem import each_once
 from service.schemas.problem.rules import read_setting
 from service.schemas.problem.sections import BodyIn
-from service.schemas.reading.documents import InvalidProblemError, fault_of
+from service.schemas.problem.trusted import body_of, potential_of, sign_of
+from service.schemas.reading.documents import InvalidProblemError, Part, fault_of
 from service.schemas.reading.numbers import Positive, Sign, integer_schema, read_integer, refuse
 from service.schemas.reading.parts import WireModel, given, one_of_each, read_parts, within
 
 SMALLEST, LARGEST = Fraction(1, 10**9), Fraction(10**9)
 FEWEST, MOST = 9, 2001
+DEFAULT_SAMPLES = 101
 
 
 def _forward(ends: list[Fraction]) -> list[Fraction]:
@@ -71,7 +76,7 @@ class AtlasIn(WireModel):
     g1_sign: Sign = Field(default=1, description="Sign of g1 on the curves; 1 if left out.")
     g3_sign: Sign = Field(default=1, description="Sign of g3 where the motion starts; 1 if left out.")
     samples: Followed = Field(
-        default=101,
+        default=DEFAULT_SAMPLES,
         description="About how many λ the windows are followed at; each part has at least 9.",
     )
     outputs: Annotated[list[AtlasOutput], Field(max_length=2)] = Field(
@@ -99,6 +104,27 @@ class AtlasQuestion:
     accepts_undecided: bool
 
 
+def trusted_atlas(document: Part) -> AtlasQuestion:
+    """Return what a valid document asks; raises what its constructors raise."""
+    body = body_of(document)
+    return _question(document, body, potential_of(document["potential"], body))
+
+
+def _question(document: Part, body: RigidBody, potential: Potential) -> AtlasQuestion:
+    lower, upper = map(exact_number, document["lambda"])
+    g1_sign, g3_sign = (sign_of(document.get(name, 1)) for name in ("g1_sign", "g3_sign"))
+    outputs = document.get("outputs", ("period",))
+    return AtlasQuestion(
+        body,
+        potential,
+        LambdaRange(lower, upper, g1_sign, g3_sign),
+        int(exact_number(document.get("samples", DEFAULT_SAMPLES))),
+        "period" in outputs,
+        "stability" in outputs,
+        document.get("accept", "proved") == "undecided",
+    )
+
+
 def read_atlas(document: object) -> AtlasQuestion:
     """Return what the document asks.
 
@@ -109,27 +135,16 @@ def read_atlas(document: object) -> AtlasQuestion:
     """
     parts, faults = read_parts(document, AtlasIn, MEMBERS)
     body, potential = read_setting(document, parts, faults)
-    if body is not None:
-        try:
-            body.require_planar()
-        except DynamicsError as error:
-            faults.append(fault_of(error))
     outputs = parts.get("outputs")
-    if body is not None and isinstance(outputs, list) and "stability" in outputs:
-        try:
-            body.require_B("stability")
-        except DynamicsError as error:
-            faults.append(fault_of(error))
-    match parts:
-        case {
-            "lambda_": [Fraction() as lower, Fraction() as upper],
-            "g1_sign": (1 | -1) as g1_sign,
-            "g3_sign": (1 | -1) as g3_sign,
-            "samples": int(samples),
-            "outputs": list(outputs),
-            "accept": str(accept),
-        } if body is not None and potential is not None and not faults:
-            over = LambdaRange(lower, upper, g1_sign, g3_sign)
-            wanted = ("period" in outputs, "stability" in outputs)
-            return AtlasQuestion(body, potential, over, samples, *wanted, accept == "undecided")
-    raise InvalidProblemError(each_once(faults))
+    if body is not None:
+        demands: list[Callable[[], object]] = [body.require_planar]
+        if isinstance(outputs, list) and "stability" in outputs:
+            demands.append(lambda: body.require_B("stability"))
+        for demand in demands:
+            try:
+                demand()
+            except DynamicsError as error:
+                faults.append(fault_of(error))
+    if body is None or potential is None or faults:
+        raise InvalidProblemError(each_once(faults))
+    return _question({**parts, "lambda": parts["lambda_"]}, body, potential)

@@ -3,18 +3,16 @@
 A job adds labels and a note to a problem, an audit changes some of one, a validation leaves parts out.
 """
 
-from collections.abc import Mapping
 from fractions import Fraction
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
 )
 
-from service.dynamics.motion import COLUMNS
+from service.dynamics.problem import Accept, Method, Output
 from service.schemas.problem.motions import (
     MOTIONS,
     EquatorStartIn,
@@ -35,7 +33,9 @@ from service.schemas.problem.sections import (
     TimeSpanIn,
     ToleranceIn,
 )
-from service.schemas.reading.marks_in import LABELS_HELP, NOTE_HELP, Labels, Note
+from service.schemas.problem.trusted import DEFAULT_OUTPUTS
+from service.schemas.reading.annotation_in import LABELS_HELP, NOTE_HELP, Labels, Note
+from service.schemas.reading.documents import Document
 from service.schemas.reading.numbers import (
     Exact,
     Positive,
@@ -49,19 +49,7 @@ from service.schemas.reading.parts import (
     within,
 )
 
-Method = Literal["auto", "quadrature", "integration", "both"]
-Accept = Literal["proved", "undecided"]
-OutputName = Literal["period", "gamma", "omega", "invariants", "orientation", "stability"]
-OUTPUTS: tuple[OutputName, ...] = (
-    "period",
-    "gamma",
-    "omega",
-    "invariants",
-    "orientation",
-    "stability",
-)
 MAX_POINTS = 1000
-DEFAULT_OUTPUTS: tuple[OutputName, ...] = ("gamma", "omega")
 
 
 _WITH_MOMENTS = within("body", given("A", "C"))
@@ -94,7 +82,7 @@ class ProblemIn(WireModel):
         default="auto",
         description="`auto`: quadrature for planar motions, integration for states; `both` compares the two.",
     )
-    outputs: Annotated[list[OutputName], Field(min_length=1, max_length=20)] = Field(
+    outputs: Annotated[list[Output], Field(min_length=1, max_length=20)] = Field(
         default_factory=lambda: list(DEFAULT_OUTPUTS),
         description="What is computed and stored; gamma and omega if left out.",
     )
@@ -142,7 +130,7 @@ class ValidationIn(WireModel):
         default_factory=lambda: TierIn(tier="standard"), description="Of a whole problem, as for jobs."
     )
     method: Method = Field(default="auto", description="Of a whole problem, as for jobs.")
-    outputs: Annotated[list[OutputName], Field(min_length=1, max_length=20)] = Field(
+    outputs: Annotated[list[Output], Field(min_length=1, max_length=20)] = Field(
         default_factory=lambda: list(DEFAULT_OUTPUTS), description="Of a whole problem, as for jobs."
     )
     points: PointsIn | None = Field(
@@ -153,24 +141,6 @@ class ValidationIn(WireModel):
         description="How far the nearest admissible polynomial is searched for one that is not admissible;"
         " up to its degree plus 6 if left out.",
     )
-
-
-class AskedSeries(WireModel):
-    """The fields of a problem that select the samples; the rest is not read."""
-
-    model_config = ConfigDict(extra="ignore")
-
-    time: TimeIn
-    outputs: list[OutputName] = Field(default_factory=lambda: list(DEFAULT_OUTPUTS))
-
-    def columns(self) -> list[str]:
-        """Return the names of the requested ones among the six variables."""
-        return [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in self.outputs]
-
-
-def asked_series(document: Mapping[str, object]) -> AskedSeries:
-    """Read the times and outputs of a problem document that was accepted before."""
-    return AskedSeries.model_validate(document)
 
 
 class JobIn(ProblemIn):
@@ -187,7 +157,7 @@ class AuditIn(WireModel):
     method: Method | None = Field(default=None, description="Another method.")
 
 
-def audited_problem(problem: dict[str, object], document: dict[str, object]) -> dict[str, object]:
+def audited_problem(problem: Document, document: Document) -> Document:
     """Return the ``problem`` with what a valid ``document`` of an audit changes of it."""
     return {**problem, **{name: value for name, value in document.items() if value is not None}}
 

@@ -17,15 +17,7 @@ from pydantic import (
 )
 
 from service.dynamics.classical.catalogue import CASES
-from service.dynamics.problem import (
-    ClassicalMotion,
-    PlanarMotion,
-    Start,
-    StartAtEquator,
-    StartAtPoint,
-    StartAtRest,
-    StateMotion,
-)
+from service.schemas.reading.documents import Document
 from service.schemas.reading.numbers import (
     Exact,
     Nonzero,
@@ -39,6 +31,7 @@ from service.schemas.reading.numbers import (
 from service.schemas.reading.parts import (
     TAG_MARK,
     Schema,
+    Section,
     WireModel,
     given,
     one_of_each,
@@ -89,7 +82,7 @@ def _with_what_they_need(needed: tuple[str, ...]) -> Schema:
     return {"allOf": [within("case", {"enum": names}), given(*needed)]}
 
 
-class ClassicalMotionIn(WireModel):
+class ClassicalMotionIn(Section):
     """A motion of one of the classical cases; `GET /v1/families` lists which fields each case takes."""
 
     model_config = one_of_each([_with_what_they_need(needed) for needed in sorted(set(map(_needed, CASES)))])
@@ -150,32 +143,16 @@ class ClassicalMotionIn(WireModel):
             message = f"the square of its length is {float(square):.17g}; 1 is accepted, within 2e-15"
             raise refuse("not_unit_gamma", message, below="gamma")
 
-    def to_domain(self, centre: tuple[Fraction, Fraction, Fraction]) -> ClassicalMotion:
-        """Return the motion in the potential of ``centre``."""
-        return ClassicalMotion(
-            self.case,
-            centre,
-            self.phase or Fraction(0),
-            self.direction or 1,
-            self.sign or 1,
-            self.solution,
-            self.p,
-            self.energy,
-            self.spin,
-            None if self.omega is None else (self.omega[0], self.omega[1], self.omega[2]),
-            None if self.gamma is None else (self.gamma[0], self.gamma[1], self.gamma[2]),
-        )
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document with every field that the case takes, defaults filled in."""
-        defaults: dict[str, object] = {
+        defaults: Document = {
             "phase": "0",
             "direction": 1,
             "sign": 1,
             "solution": None,
             "spin": None,
         }
-        document: dict[str, object] = {"type": self.type, "case": self.case}
+        document: Document = {"type": self.type, "case": self.case}
         for name in CASES[self.case].fields:
             document[name] = _text(getattr(self, name), defaults.get(name))
         return document
@@ -207,20 +184,12 @@ class EquatorStartIn(WireModel):
     at: Literal["equator"] = Field(description="Says which kind of start this is.")
     s_sign: Sign = Field(default=1, description=_S_SIGN)
 
-    def to_domain(self) -> Start:
-        """Return the start."""
-        return StartAtEquator(self.s_sign)
-
 
 class RestStartIn(WireModel):
     """Start where p = r = 0."""
 
     at: Literal["rest"] = Field(description="Says which kind of start this is.")
     g2_sign: Sign = Field(default=1, description=_G2_SIGN)
-
-    def to_domain(self) -> Start:
-        """Return the start."""
-        return StartAtRest(self.g2_sign)
 
 
 class PointStartIn(WireModel):
@@ -229,10 +198,6 @@ class PointStartIn(WireModel):
     g1: Nonzero = Field(description="Within the window, with the sign of its curve.")
     g2_sign: Sign = Field(default=1, description=_G2_SIGN)
     s_sign: Sign = Field(default=1, description=_S_SIGN)
-
-    def to_domain(self) -> Start:
-        """Return the start."""
-        return StartAtPoint(self.g1, self.g2_sign, self.s_sign)
 
 
 def _require_start(value: object) -> object:
@@ -276,7 +241,7 @@ def curve_faults(given: Set[str]) -> Iterator[tuple[str, str, str]]:
         yield "g1_sign", "conflicting_fields", "the sign of nu is the sign of g1: leave g1_sign out"
 
 
-class PlanarMotionIn(WireModel):
+class PlanarMotionIn(Section):
     """The q = 0, I3 = 0 motion on |g3| = lambda |g1|^(C/A); for A = 2C on g3² = nu g1."""
 
     model_config = one_of_each([given("lambda"), given("nu")])
@@ -304,17 +269,9 @@ class PlanarMotionIn(WireModel):
             raise refuse(code, message, below=below)
         return self
 
-    def to_domain(self) -> PlanarMotion:
-        """Return the motion."""
-        start = None if self.start is None else self.start.to_domain()
-        sign: Literal[-1, 1] = 1 if self.nu is None or self.nu > 0 else -1
-        return PlanarMotion(
-            self.lambda_, self.nu, self.g1_sign or sign, self.g3_sign, window=self.window, start=start
-        )
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the canonical document, with every field that applies."""
-        curve: dict[str, object] = (
+        curve: Document = (
             {"nu": str(self.nu)}
             if self.nu is not None
             else {"lambda": str(self.lambda_), "g1_sign": self.g1_sign or 1}
@@ -340,7 +297,7 @@ def is_unit(gamma: Sequence[Fraction]) -> bool:
     return (1 - UNIT_TOLERANCE) ** 2 <= square <= (1 + UNIT_TOLERANCE) ** 2
 
 
-class StateMotionIn(WireModel):
+class StateMotionIn(Section):
     """The motion from any initial state."""
 
     type: Literal["state"] = Field(description="Says which kind of motion this is.")
@@ -358,12 +315,7 @@ class StateMotionIn(WireModel):
             )
         return self
 
-    def to_domain(self) -> StateMotion:
-        """Return the motion."""
-        (p, q, r), (g1, g2, g3) = self.omega, self.gamma
-        return StateMotion((p, q, r), (g1, g2, g3))
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {
             "type": self.type,

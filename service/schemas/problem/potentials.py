@@ -1,7 +1,6 @@
 """The `potential` of a problem document: expression, gravity, rational, homogeneous, general."""
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from fractions import Fraction
 from typing import Annotated, Literal, Self
 
@@ -23,33 +22,19 @@ from service.dynamics.formula.errors import UndefinedConstantError
 from service.dynamics.formula.limits import MAX_CHARACTERS
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import VARIABLES, Tree
-from service.dynamics.inverse.named import (
-    CURVE_NAMES,
-    Named,
-    NamedSolution,
-    NamedSum,
-    named_sum,
-    sum_of_parts,
-)
 from service.dynamics.potentials.families import homogeneous
 from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.general import FormulaText, general_potential
-from service.dynamics.potentials.families.general_solution import QUADRANTS, Quadrant
-from service.dynamics.potentials.families.gravity import gravity_potential
-from service.dynamics.potentials.families.rational import rational_potential, require_rational_body
-from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.bound_formula import (
-    bound_formula,
-    named_formula,
-    require_parameter_names,
-)
+from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.general_solution import QUADRANTS
+from service.dynamics.potentials.terms.bound_formula import bound_formula, require_parameter_names
 from service.dynamics.potentials.terms.powers import MAX_TERMS
-from service.schemas.reading.documents import Fault, fault_of
+from service.schemas.problem.trusted import DEFAULT_ANGLE, formula_of, potential_of
+from service.schemas.reading.documents import Document, Fault, fault_of
 from service.schemas.reading.numbers import Exact, read_exact, refuse
 from service.schemas.reading.parts import (
     TAG_MARK,
-    WireModel,
+    Section,
+    fields_of,
     given,
     left_out,
     one_of_each,
@@ -65,30 +50,13 @@ STAND_IN = RigidBody(Fraction(17), Fraction(19), Fraction(23))
 """A body without simple relations between its moments: for checking formulas when the body is faulty."""
 
 
-class PotentialModel(WireModel, ABC):
-    """A potential as a client states it.
-
-    Reading a document checks its form. ``to_domain`` makes the potential for a
-    body; ``errors`` lists what prevents it.
-    """
-
-    @abstractmethod
-    def to_domain(self, body: RigidBody) -> Potential:
-        """Return the potential; raises what its family raises."""
-
-    @abstractmethod
-    def canonical(self) -> dict[str, object]:
-        """Return the canonical document: equal potentials have equal documents."""
-
-    def named(self, body: RigidBody) -> Named | None:
-        """Return the terms of the potential with the names of its parameters, None if it has none."""
-        del body
-        return None
+class PotentialModel(Section):
+    """A potential as a client states it. Reading it checks its form; ``errors`` lists what else is wrong."""
 
     def errors(self, body: RigidBody) -> Iterator[DynamicsError]:
         """Yield every error that prevents this from being a potential of ``body``."""
         try:
-            self.to_domain(body)
+            potential_of(fields_of(self), body)
         except DynamicsError as error:
             yield error
 
@@ -103,14 +71,6 @@ class PotentialModel(WireModel, ABC):
         The body is None if it could not be read either.
         """
         yield from ()
-
-
-def named_coefficients(
-    coefficients: Mapping[str, Fraction], part: Callable[[str], Potential]
-) -> NamedSum | None:
-    """Return the sum of coefficients times parts, without zero coefficients."""
-    values = {name: value for name, value in coefficients.items() if value}
-    return sum_of_parts(values, tuple((name, part(name)) for name in values))
 
 
 class FormulaModel(PotentialModel):
@@ -187,7 +147,8 @@ class GeneralIn(FormulaModel):
     G_pm: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
     G_mm: str | None = Field(default=None, description=_OF_ONE_QUADRANT)
     reference_angle: Angle = Field(
-        default="pi/4", description="atan2(|g3|, |g1|) where V1 = 0, in radians; a formula without variables."
+        default=DEFAULT_ANGLE,
+        description="atan2(|g3|, |g1|) where V1 = 0, in radians; a formula without variables.",
     )
 
     @model_validator(mode="after")
@@ -196,31 +157,11 @@ class GeneralIn(FormulaModel):
             raise refuse(code, message, below=below)
         return self
 
-    def to_domain(self, body: RigidBody) -> Potential:
-        """Return the potential; raises what :func:`general_potential` raises."""
-        F, G = self._formula("F"), self._formula("G")
-        return general_potential(body, F, G, self.parameters, self.reference_angle)
-
-    def named(self, body: RigidBody) -> Named | None:
-        """Return F and G on every quadrant, with the names of the parameters."""
-        if not self.parameters or CURVE_NAMES & set(self.parameters):
-            return None
-        trees: dict[str, dict[Quadrant, Tree]] = {}
-        for function, variable in _VARIABLES.items():
-            given = self._formula(function)
-            trees[function] = {
-                quadrant: named_formula(
-                    given if isinstance(given, str) else given[quadrant], (variable,), self.parameters, body
-                )
-                for quadrant in QUADRANTS
-            }
-        return NamedSolution(trees["F"], trees["G"])
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the canonical document: formulas printed by our printer, equal ones merged."""
         formulas: dict[str, str] = {}
         for function in _VARIABLES:
-            given = self._formula(function)
+            given = formula_of(fields_of(self), function)
             texts = [given] if isinstance(given, str) else [given[quadrant] for quadrant in QUADRANTS]
             printed = [format_tree(parse(text)) for text in texts]
             if len(set(printed)) == 1:
@@ -256,13 +197,6 @@ class GeneralIn(FormulaModel):
     def _texts(self) -> dict[str, str]:
         given = {name: getattr(self, name) for name in _FIELDS}
         return {name: text for name, text in given.items() if text is not None}
-
-    def _formula(self, function: str) -> FormulaText:
-        texts = self._texts()
-        by_quadrant = {quadrant: texts.get(f"{function}_{quadrant}") for quadrant in QUADRANTS}
-        if all(text is None for text in by_quadrant.values()):
-            return texts.get(function, "0")
-        return {quadrant: text for quadrant, text in by_quadrant.items() if text is not None}
 
 
 def quadrant_faults(given: Set[str]) -> Iterator[tuple[str, str, str]]:
@@ -314,15 +248,7 @@ class ExpressionIn(FormulaModel):
         examples=["a*g1 + b/g3^2"],
     )
 
-    def to_domain(self, body: RigidBody) -> Potential:
-        """Return the potential; raises what :func:`expression_potential` raises."""
-        return expression_potential(self.expression, self.parameters, body)
-
-    def named(self, body: RigidBody) -> Named | None:
-        """Return the terms of the formula, each with its product of parameters."""
-        return named_sum(named_formula(self.expression, VARIABLES, self.parameters, body), self.parameters)
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the canonical document: the formula printed by our printer, parameters in order."""
         return {
             "type": self.type,
@@ -361,20 +287,7 @@ class GravityIn(PotentialModel):
     b: Exact = Field(default=Fraction(0), description="Of g2; 0 if left out.")
     c: Exact = Field(default=Fraction(0), description="Of g3; 0 if left out.")
 
-    def to_domain(self, _: RigidBody) -> Potential:
-        """Return the potential."""
-        return gravity_potential(self.a, self.b, self.c)
-
-    def named(self, _: RigidBody) -> Named | None:
-        """Return a g1, b g2 and c g3."""
-
-        def part(name: str) -> Potential:
-            a, b, c = (Fraction(int(name == each)) for each in ("a", "b", "c"))
-            return gravity_potential(a, b, c)
-
-        return named_coefficients({"a": self.a, "b": self.b, "c": self.c}, part)
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document with every field."""
         return {"type": self.type, "a": str(self.a), "b": str(self.b), "c": str(self.c)}
 
@@ -390,22 +303,7 @@ class RationalIn(PotentialModel):
     b: Coefficients = Field(default_factory=list, description="b1, b2, ...; zeros if left out.")
     c: Coefficients = Field(default_factory=list, description="c1, c2, ...; zeros if left out.")
 
-    def to_domain(self, body: RigidBody) -> Potential:
-        """Return the potential, or raise :class:`RationalBodyError` unless A = 2C."""
-        require_rational_body(body)
-        return rational_potential(self.a, self.b, self.c)
-
-    def named(self, _: RigidBody) -> Named | None:
-        """Return the terms with their coefficients a1, a2, …, b1, …, c1, …."""
-        lists = {"a": self.a, "b": self.b, "c": self.c}
-
-        def part(name: str) -> Potential:
-            a, b, c = (_unit(name, letter, start=1) for letter in lists)
-            return rational_potential(a, b, c)
-
-        return named_coefficients(_numbered(lists, start=1), part)
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document; zeros at the ends of the lists say nothing and go."""
         return {"type": self.type, "a": _trimmed(self.a), "b": _trimmed(self.b), "c": _trimmed(self.c)}
 
@@ -422,24 +320,10 @@ class HomogeneousIn(PotentialModel):
         description="Of the logarithmic terms: where B_n, or C_n for A < C, is undefined or a multiple of Q.",
     )
 
-    def to_domain(self, body: RigidBody) -> Potential:
-        """Return the potential; raises what :func:`homogeneous_potential` raises."""
-        return homogeneous.homogeneous_potential(body, A=self.A, B=self.B, C=self.C, log=self.log)
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document; zeros at the ends of the lists say nothing and go."""
         lists = {"A": self.A, "B": self.B, "C": self.C, "log": self.log}
         return {"type": self.type} | {name: _trimmed(values) for name, values in lists.items()}
-
-    def named(self, body: RigidBody) -> Named | None:
-        """Return the terms with their coefficients A0, A1, …, B0, …, C0, …, log0, …."""
-        lists = {"A": self.A, "B": self.B, "C": self.C, "log": self.log}
-
-        def part(name: str) -> Potential:
-            units = {letter: _unit(name, letter, start=0) for letter in lists}
-            return homogeneous.homogeneous_potential(body, **units)
-
-        return named_coefficients(_numbered(lists, start=0), part)
 
     def errors(self, body: RigidBody) -> Iterator[DynamicsError]:
         """Yield an error for every coefficient that has no term."""
@@ -472,21 +356,6 @@ PotentialIn = Annotated[
     Discriminator(tag_by_type),
     BeforeValidator(require_kind(tuple(MODELS), models=MODELS)),
 ]
-
-
-def _numbered(lists: Mapping[str, Sequence[Fraction]], *, start: int) -> dict[str, Fraction]:
-    """Return the coefficients of lists by names such as a1, with the number of the term."""
-    return {
-        f"{letter}{n}": value
-        for letter, coefficients in lists.items()
-        for n, value in enumerate(coefficients, start=start)
-    }
-
-
-def _unit(name: str, letter: str, *, start: int) -> list[Fraction]:
-    """Return the list ``letter`` whose one coefficient other than 0 has ``name``."""
-    number = name.removeprefix(letter)
-    return [Fraction(0)] * (int(number) - start) + [Fraction(1)] if number.isdigit() else []
 
 
 def _trimmed(coefficients: Sequence[Fraction]) -> list[str]:

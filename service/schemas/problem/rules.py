@@ -5,44 +5,25 @@ its own.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
-from threading import Lock
+
+from pydantic import BaseModel
 
 from service.dynamics.body import RigidBody
 from service.dynamics.classical.catalogue import CASES
-from service.dynamics.classical.placement import place
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem, StateMotion
-from service.schemas.problem.documents import OUTPUTS
-from service.schemas.problem.motions import (
-    CURVE_FIELDS,
-    ClassicalMotionIn,
-    PlanarMotionIn,
-    StateMotionIn,
-    curve_faults,
-)
-from service.schemas.problem.potentials import MODELS, GeneralIn, GravityIn, PotentialModel
-from service.schemas.problem.sections import (
-    BodyIn,
-    BudgetIn,
-    RelativeIn,
-    TierIn,
-    TimeListIn,
-    TimePeriodsIn,
-    TimeSpanIn,
-    ToleranceIn,
-)
-from service.schemas.reading.documents import Fault, fault_of
+from service.dynamics.problem import PlanarMotion, Problem
+from service.schemas.problem.motions import CURVE_FIELDS, ClassicalMotionIn, curve_faults
+from service.schemas.problem.potentials import MODELS, GravityIn, PotentialModel
+from service.schemas.problem.sections import BodyIn, TierIn, TimePeriodsIn
+from service.schemas.problem.trusted import ONE_AT_A_TIME, body_of, potential_of, problem_of
+from service.schemas.reading.documents import Document, Fault, Part, fault_of
+from service.schemas.reading.parts import Section, fields_of
 
-ONE_AT_A_TIME = Lock()
-"""Held by whoever computes in balls in a process of many threads, which has one precision for all of them.
-
-A thread that leaves its precision sets back what it found, which is another thread's: that one would go on
-with fewer bits than it asked for.
-"""
+SECTIONS = ("body", "potential", "motion", "time", "accuracy")
+"""Parts of a problem that have canonical documents of their own."""
 
 
 def read_setting(
@@ -73,11 +54,11 @@ def read_setting(
         faults += map(fault_of, potential_in.text_errors())
     else:
         try:
-            # The reference angle of the general solution is looked at in balls.
-            with ONE_AT_A_TIME if isinstance(potential_in, GeneralIn) else nullcontext():
-                potential = potential_in.to_domain(moments)
+            potential = potential_of(fields_of(potential_in), moments)
         except DynamicsError:
-            faults += map(fault_of, potential_in.errors(moments))
+            # They look for what is wrong in balls, too.
+            with ONE_AT_A_TIME:
+                faults += map(fault_of, potential_in.errors(moments))
     return body, potential
 
 
@@ -89,16 +70,13 @@ def _body_of_case(body: BodyIn, parts: Mapping[str, object], faults: list[Fault]
         faults.append(Fault("/potential/type", "case_needs_gravity", message))
     if not isinstance(motion, ClassicalMotionIn) or not isinstance(potential, GravityIn):
         return None
-    centre = (potential.a, potential.b, potential.c)
     try:
-        with ONE_AT_A_TIME:
-            placed = place(
-                motion.to_domain(centre), (body.A, body.B, body.C), allow_unphysical=body.allow_unphysical
-            )
+        return body_of(
+            {"body": fields_of(body), "motion": fields_of(motion), "potential": fields_of(potential)}
+        )
     except DynamicsError as error:
         faults.append(fault_of(error))
         return None
-    return placed.body
 
 
 def _moments_missing(document: object) -> Iterator[Fault]:
@@ -227,11 +205,11 @@ class CheckedProblem:
     """A problem and its canonical document."""
 
     problem: Problem
-    write: Callable[[], dict[str, object]]
+    write: Callable[[], Document]
     """Makes the canonical document, which takes as long as reading a formula; workers need none."""
 
     @cached_property
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """The canonical document: documents that state the same problem have the same.
 
         In it numbers are exact, as strings; formulas are printed by our printer; defaults are filled in.
@@ -243,64 +221,31 @@ class CheckedProblem:
 class Reading:
     """The readable parts of a document, and all its faults."""
 
-    parts: dict[str, object]
+    parts: Mapping[str, object]
     body: RigidBody | None
     potential: Potential | None
     faults: list[Fault]
 
+    def document(self) -> Part:
+        """Return the parts as a document has them, with exact numbers and defaults."""
+        return {
+            name: fields_of(part) if isinstance(part, BaseModel) else part
+            for name, part in self.parts.items()
+        }
+
     def problem(self) -> CheckedProblem | None:
         """Return the problem, None if a part is missing."""
-        match (self.body, self.potential, self.parts):
-            case (
-                RigidBody() as body,
-                Potential() as potential,
-                {
-                    "body": BodyIn() as body_in,
-                    "potential": PotentialModel() as potential_in,
-                    "motion": (PlanarMotionIn() | StateMotionIn() | ClassicalMotionIn()) as motion_in,
-                    "time": (TimeSpanIn() | TimePeriodsIn() | TimeListIn()) as time_in,
-                    "accuracy": (ToleranceIn() | RelativeIn() | TierIn() | BudgetIn()) as accuracy_in,
-                    "method": ("auto" | "quadrature" | "integration" | "both") as method,
-                    "outputs": list(wanted),
-                    "accept": ("proved" | "undecided") as accept,
-                },
-            ):
-                outputs = tuple(name for name in OUTPUTS if name in wanted)
-                motion = motion_of(motion_in, potential_in)
-                if motion is None:
-                    return None
-                problem = Problem(
-                    body,
-                    potential,
-                    motion,
-                    time_in.to_domain(),
-                    accuracy_in.to_domain(),
-                    method,
-                    outputs,
-                    accept,
-                )
+        found = {name: part for name in SECTIONS if isinstance(part := self.parts.get(name), Section)}
+        if self.body is None or self.potential is None or len(found) < len(SECTIONS):
+            return None
+        problem = problem_of(self.document(), self.body, self.potential)
 
-                def canonical() -> dict[str, object]:
-                    document: dict[str, object] = {
-                        "body": body_in.canonical(),
-                        "potential": potential_in.canonical(),
-                        "motion": motion_in.canonical(),
-                        "time": time_in.canonical(),
-                        "accuracy": accuracy_in.canonical(),
-                        "method": method,
-                        "outputs": list(outputs),
-                    }
-                    # Left out at its default, so that older documents keep their digests.
-                    if accept != "proved" and isinstance(motion_in, PlanarMotionIn):
-                        document["accept"] = accept
-                    return document
+        def canonical() -> Document:
+            document: Document = {name: part.canonical() for name, part in found.items()}
+            document |= {"method": problem.method, "outputs": list(problem.outputs)}
+            # Left out at its default, so that older documents keep their digests.
+            if problem.accept != "proved" and isinstance(problem.motion, PlanarMotion):
+                document["accept"] = problem.accept
+            return document
 
-                return CheckedProblem(problem, canonical)
-        return None
-
-
-def motion_of(motion: object, potential: object) -> PlanarMotion | StateMotion | ClassicalMotion | None:
-    """Return the motion; that of a classical case knows the centre of its potential."""
-    if isinstance(motion, ClassicalMotionIn) and isinstance(potential, GravityIn):
-        return motion.to_domain((potential.a, potential.b, potential.c))
-    return motion.to_domain() if isinstance(motion, PlanarMotionIn | StateMotionIn) else None
+        return CheckedProblem(problem, canonical)

@@ -19,11 +19,10 @@ from service.dynamics.accuracy import (
     CERTIFIED_BITS,
     LARGEST_TOLERANCE,
     SMALLEST_TOLERANCE,
-    TIER_TOLERANCES,
     TIERS,
-    cheapest_tier,
 )
-from service.dynamics.problem import Accuracy, Measure, Tier, TimeList, TimePeriods, Times, TimeSpan
+from service.dynamics.problem import Tier
+from service.schemas.reading.documents import Document
 from service.schemas.reading.numbers import (
     MAX_SAMPLES,
     Instant,
@@ -38,7 +37,7 @@ from service.schemas.reading.numbers import (
 )
 from service.schemas.reading.parts import (
     TAG_MARK,
-    WireModel,
+    Section,
     require_one,
     tag_by_field,
 )
@@ -70,13 +69,7 @@ def _attainable(tolerance: Fraction, name: str) -> None:
         raise refuse("out_of_range", message, below=name)
 
 
-def _cheapest(tolerance: float, measure: Measure) -> Accuracy:
-    """Return the cheapest tier that keeps a tolerance, if possible one without proofs."""
-    tier = cheapest_tier(tolerance)
-    return Accuracy(tolerance, "high" if tier == "certified" else tier, measure=measure)
-
-
-class ToleranceIn(WireModel):
+class ToleranceIn(Section):
     """Largest absolute error allowed in any of the six variables over the asked times."""
 
     tolerance: Tolerance = Field(
@@ -89,16 +82,12 @@ class ToleranceIn(WireModel):
         _attainable(self.tolerance, "tolerance")
         return self
 
-    def to_domain(self) -> Accuracy:
-        """Return the cheapest tier that keeps the tolerance, if possible one without proofs."""
-        return _cheapest(float(self.tolerance), "absolute")
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {"tolerance": str(self.tolerance)}
 
 
-class RelativeIn(WireModel):
+class RelativeIn(Section):
     """Largest error allowed, relative to the largest size of the variable's group over the asked times.
 
     The groups are p, q, r; g1, g2, g3; the quaternion; each angle.
@@ -114,16 +103,12 @@ class RelativeIn(WireModel):
         _attainable(self.relative, "relative")
         return self
 
-    def to_domain(self) -> Accuracy:
-        """Return the cheapest tier that keeps as many digits, if possible one without proofs."""
-        return _cheapest(float(self.relative), "relative")
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {"relative": str(self.relative)}
 
 
-class TierIn(WireModel):
+class TierIn(Section):
     """A named accuracy: draft 1e-6, standard 1e-10, high 1e-13, certified with proven radii.
 
     Relative to the largest size of the variable's group over the asked times where that is above 1.
@@ -140,19 +125,14 @@ class TierIn(WireModel):
             raise refuse("conflicting_fields", "bits are for the tier certified only", below="bits")
         return self
 
-    def to_domain(self) -> Accuracy:
-        """Return what the tier promises."""
-        bits = self.bits or CERTIFIED_BITS[0]
-        return Accuracy(TIER_TOLERANCES[self.tier], self.tier, bits, measure="above 1")
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the canonical document, with bits for the tier certified only."""
         if self.tier != "certified":
             return {"tier": self.tier}
         return {"tier": self.tier, "bits": self.bits or CERTIFIED_BITS[0]}
 
 
-class BudgetIn(WireModel):
+class BudgetIn(Section):
     """The best tier that is expected to take no longer, by the accuracy table of the installation."""
 
     budget_seconds: Budget = Field(description="Seconds of computing, > 0, at most 3600.")
@@ -163,12 +143,7 @@ class BudgetIn(WireModel):
             raise refuse("out_of_range", "at most 3600 seconds are accepted", below="budget_seconds")
         return self
 
-    def to_domain(self) -> Accuracy:
-        """Return the accuracy before the budget has been turned into a tier."""
-        budget = float(self.budget_seconds)
-        return Accuracy(TIER_TOLERANCES["standard"], "standard", budget_seconds=budget, measure="above 1")
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {"budget_seconds": str(self.budget_seconds)}
 
@@ -190,7 +165,7 @@ AccuracyIn = Annotated[
 ]
 
 
-class BodyIn(WireModel):
+class BodyIn(Section):
     """Principal moments of inertia at the fixed point."""
 
     A: Moment | None = Field(
@@ -207,7 +182,7 @@ class BodyIn(WireModel):
     )
     allow_unphysical: bool = Field(default=False, description="Accept moments that no body can have.")
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document with every field."""
         return {
             "A": None if self.A is None else str(self.A),
@@ -217,7 +192,7 @@ class BodyIn(WireModel):
         }
 
 
-class TimeSpanIn(WireModel):
+class TimeSpanIn(Section):
     """``samples`` equidistant times from ``start`` to ``stop``, both included."""
 
     start: Instant = Field(default=Fraction(0), description="First time; 0 if left out.")
@@ -232,42 +207,30 @@ class TimeSpanIn(WireModel):
             )
         return self
 
-    def to_domain(self) -> Times:
-        """Return the times."""
-        return TimeSpan(self.start, self.stop, self.samples)
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document with every field."""
         return {"start": str(self.start), "stop": str(self.stop), "samples": self.samples}
 
 
-class TimePeriodsIn(WireModel):
+class TimePeriodsIn(Section):
     """``samples`` equidistant times over ``periods`` periods from 0; planar and classical motions only."""
 
     periods: Periods = Field(description="Number of periods, > 0; a fraction is accepted.")
     samples: Samples = Field(description="Number of times.")
 
-    def to_domain(self) -> Times:
-        """Return the times."""
-        return TimePeriods(self.periods, self.samples)
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {"periods": str(self.periods), "samples": self.samples}
 
 
-class TimeListIn(WireModel):
+class TimeListIn(Section):
     """The times themselves."""
 
     times: Annotated[
         list[Instant], Field(min_length=1, max_length=MAX_SAMPLES), each_of(read_time, most=MAX_SAMPLES)
     ] = Field(description="In any order, in the unit of time that the problem implies.")
 
-    def to_domain(self) -> Times:
-        """Return the times."""
-        return TimeList(tuple(self.times))
-
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {"times": [str(time) for time in self.times]}
 

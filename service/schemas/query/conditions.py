@@ -81,6 +81,8 @@ class ListQuery:
     """The values of the order's columns, id included, in the row before the page."""
     is_counted: bool = True
     """Whether the number of all such rows is wanted."""
+    count_limit: int | None = None
+    """It is wanted only if it is at most so large."""
     is_estimated: bool = False
     """Whether it is only asked what of it takes long."""
 

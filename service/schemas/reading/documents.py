@@ -7,9 +7,16 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any  # documents that were read from JSON
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.exact import NumberBeyondDoubles, is_zero_text
+
+Part = Mapping[str, Any]
+"""A document that was read from JSON, or an object in it."""
+
+Document = dict[str, object]
+"""A document that is written."""
 
 MAX_FAULTS = 200
 """Most faults listed: of 100 000 wrong numbers only the first are."""
@@ -83,19 +90,24 @@ def value_at(document: object, path: Sequence[str]) -> object:
     return document
 
 
-def with_values(document: object, values: Mapping[tuple[str, ...], object]) -> object:
-    """Return a copy of ``document`` with ``values`` at existing places; the rest is shared."""
+def with_values(document: Mapping[str, Any], values: Mapping[tuple[str, ...], object]) -> dict[str, Any]:
+    """Return a copy of ``document`` with ``values`` at existing places inside it; the rest is shared."""
+    found: dict[str, Any] = _replaced(dict(document), values)
+    return found
+
+
+def _replaced(document: Any, values: Mapping[tuple[str, ...], object]) -> Any:  # noqa: ANN401 (any JSON)
     below: dict[str, dict[tuple[str, ...], object]] = {}
     for path, value in values.items():
         if not path:
             return value
         below.setdefault(path[0], {})[path[1:]] = value
     if isinstance(document, dict):
-        return {**document, **{part: with_values(document[part], rest) for part, rest in below.items()}}
+        return {**document, **{part: _replaced(document[part], rest) for part, rest in below.items()}}
     if isinstance(document, list):
         items = list(document)
         for part, rest in below.items():
-            items[int(part)] = with_values(items[int(part)], rest)
+            items[int(part)] = _replaced(items[int(part)], rest)
         return items
     return document
 
@@ -183,7 +195,7 @@ class _Fields:
     def __init__(self) -> None:
         self._count = 0
 
-    def read(self, pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
+    def read(self, pairs: Sequence[tuple[str, object]]) -> Document:
         """Return the object of these fields."""
         self._count += len(pairs)
         if len(pairs) > MAX_FIELDS:

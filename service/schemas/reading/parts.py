@@ -5,18 +5,16 @@ faults of every member, or do not say what would have been accepted. A document 
 whole is read part by part, and the readable parts are still checked against the rules of the domain.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from inspect import get_annotations
-from typing import (
-    Any,  # JSON schemas
-    TypeVar,
-)
+from typing import Any, TypeVar  # Any: JSON schemas and documents
 
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from service.schemas.reading.documents import MAX_FAULTS, Fault, pointer_to
+from service.schemas.reading.documents import MAX_FAULTS, Document, Fault, pointer_to
 from service.schemas.reading.numbers import refuse
 
 Schema = dict[str, Any]
@@ -56,6 +54,14 @@ class WireModel(BaseModel):
     """The base class of all request models: unknown fields are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True)
+
+
+class Section(WireModel, ABC):
+    """A part of a document that has a canonical document: equal parts have equal ones."""
+
+    @abstractmethod
+    def canonical(self) -> Document:
+        """Return the canonical document."""
 
 
 def require_kind(
@@ -145,7 +151,7 @@ _EXPECTED = {
 
 def read_parts(
     document: object, model: type[Model], members: Mapping[str, type[BaseModel]]
-) -> tuple[dict[str, object], list[Fault]]:
+) -> tuple[Document, list[Fault]]:
     """Return the parts of ``document`` that could be read, and the faults of the others.
 
     Fields that were left out have their defaults. ``members`` are the classes of the unions in
@@ -166,11 +172,17 @@ def read_parts(
     return {name: getattr(whole, name) for name in model.model_fields}, []
 
 
-def read_part(model: type[BaseModel], name: str, document: dict[str, object]) -> object:
+def read_part(model: type[BaseModel], name: str, document: Document) -> object:
     """Return one part of ``document``, its default if it was left out; raises pydantic's ValidationError."""
     if name not in document:
         return model.model_fields[name].get_default(call_default_factory=True, validated_data={})
     return _adapter(model, name).validate_python(document[name])
+
+
+def fields_of(model: BaseModel) -> dict[str, Any]:
+    """Return the fields of a model as a document has them, with numbers as they were read."""
+    fields = ((field.alias or name, getattr(model, name)) for name, field in type(model).model_fields.items())
+    return {name: fields_of(value) if isinstance(value, BaseModel) else value for name, value in fields}
 
 
 @cache

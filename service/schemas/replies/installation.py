@@ -16,8 +16,7 @@ from service.dynamics.accuracy import (
     Source,
     Unavailable,
 )
-from service.dynamics.problem import Tier
-from service.schemas.problem.documents import OutputName
+from service.dynamics.problem import Output, Tier
 from service.schemas.replies.response_model import ResponseModel
 
 
@@ -198,7 +197,7 @@ class OutputCostOut(ResponseModel):
     """The time of a job as outputs are asked for one by one."""
 
     problem: str = Field(description="The motion.")
-    output: OutputName = Field(description="What is asked for beside the outputs of the rows before.")
+    output: Output = Field(description="What is asked for beside the outputs of the rows before.")
     seconds: float = Field(description="Of the job with this and those before it, processor time, median.")
     added: float | None = Field(
         description="Seconds more than without it; null for the first. Below zero only by the clock's noise."
@@ -223,12 +222,12 @@ class AccuracyOut(AccuracyTableModel):
 
     costs: TierCostsOut = Field(
         description="What a tier costs a user, of all tiers whatever the query asks: ratios count, since it"
-        " was measured on the machine that is told."
+        " was measured on the machine that it names."
     )
 
     comparison: ComparedWaysOut = Field(
         description="What other methods take and reach, and what each output costs, whatever the query asks:"
-        " ratios count, since it was measured on the machine that is told."
+        " ratios count, since it was measured on the machine that it names."
     )
 
     @classmethod

@@ -1,11 +1,10 @@
 """The axes of a sweep document: which number of the base varies, and its values."""
 
 from collections.abc import Mapping
-from typing import Annotated, Protocol
+from typing import Annotated
 
 from pydantic import BeforeValidator, Discriminator, Field, PlainValidator, Strict, Tag, WithJsonSchema
 
-from service.dynamics.sweep_axes import Axis, LinearAxis, ListedAxis, LogarithmicAxis, UniformAxis
 from service.schemas.reading.numbers import (
     Exact,
     Positive,
@@ -62,20 +61,12 @@ class ListedAxisIn(WireModel):
         list[Exact], Field(min_length=1, max_length=MAX_LISTED), each_of(read_exact, most=MAX_LISTED)
     ] = Field(description="Exact, in the order of the points.")
 
-    def to_domain(self, _: int) -> Axis:
-        """Return the axis."""
-        return ListedAxis(tuple(self.values))
-
 
 class LinearAxisIn(WireModel):
     """``n`` equidistant values from lo to hi, both included."""
 
     pointer: str = Field(description=_POINTER, max_length=200)
     linspace: Span = Field(description="[lo, hi, n].", examples=[[0.6, 2, 1000]])
-
-    def to_domain(self, _: int) -> Axis:
-        """Return the axis."""
-        return LinearAxis(*self.linspace)
 
 
 class LogarithmicAxisIn(WireModel):
@@ -84,10 +75,6 @@ class LogarithmicAxisIn(WireModel):
     pointer: str = Field(description=_POINTER, max_length=200)
     logspace: PositiveSpan = Field(description="[lo, hi, n].", examples=[["1e-3", 10, 100]])
 
-    def to_domain(self, _: int) -> Axis:
-        """Return the axis."""
-        return LogarithmicAxis(*self.logspace)
-
 
 class UniformAxisIn(WireModel):
     """``n`` independent random values between lo and hi; equal seeds at equal places give equal values."""
@@ -95,23 +82,6 @@ class UniformAxisIn(WireModel):
     pointer: str = Field(description=_POINTER, max_length=200)
     uniform: Span = Field(description="[lo, hi, n].", examples=[[-2, -1, 1000]])
     seed: Seed = Field(default=0, description="Of the random numbers; 0 if left out.")
-
-    def to_domain(self, place: int) -> Axis:
-        """Return the axis; ``place`` among the axes selects its random stream."""
-        return UniformAxis(*self.uniform, self.seed, place)
-
-
-class AxisModel(Protocol):
-    """The base class of the axes in a sweep document."""
-
-    @property
-    def pointer(self) -> str:
-        """Place of the number that varies."""
-        ...
-
-    def to_domain(self, place: int) -> Axis:
-        """Return the axis that is the ``place``-th, from 0."""
-        ...
 
 
 MODELS: Mapping[str, type[WireModel]] = {

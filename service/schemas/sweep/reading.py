@@ -8,6 +8,7 @@ from typing import Annotated
 
 from pydantic import (
     AfterValidator,
+    BaseModel,
     Field,
     GetJsonSchemaHandler,
     TypeAdapter,
@@ -16,29 +17,41 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from service.dynamics.equations.orientation import PRECESSION, QUATERNION
 from service.dynamics.errors import InvalidNumberError
 from service.dynamics.exact import exact_number
-from service.dynamics.motion import COLUMNS
-from service.dynamics.problem import Problem, TimeList
+from service.dynamics.problem import Problem
 from service.schemas.problem.documents import ProblemIn
 from service.schemas.problem.problem import each_once, read_problem
+from service.schemas.reading.annotation_in import LABELS_HELP, NOTE_HELP, Labels, Note
 from service.schemas.reading.documents import (
+    Document,
     Fault,
     InvalidProblemError,
     NoSuchPlaceError,
+    Part,
     split_pointer,
     value_at,
-    with_values,
 )
-from service.schemas.reading.marks_in import LABELS_HELP, NOTE_HELP, Labels, Note
 from service.schemas.reading.numbers import Priority, refuse
-from service.schemas.reading.parts import WireModel, read_parts
+from service.schemas.reading.parts import WireModel, fields_of, read_parts
 from service.schemas.sweep.axes import MODELS as AXES
-from service.schemas.sweep.axes import AxisIn, AxisModel
-from service.schemas.sweep.sweep import DEFAULT_KEEP, NUMBERS, Combine, Sweep, SweepAxis, json_number
+from service.schemas.sweep.axes import AxisIn
+from service.schemas.sweep.sweep import (
+    DEFAULT_KEEP,
+    NUMBERS,
+    Combine,
+    Sweep,
+    SweepAxis,
+    axis_of,
+    first_point,
+    sweep_axis,
+    sweep_of,
+)
 
 MAX_AXES = 16
+
+Placed = Sequence[tuple[int, Part]]
+"""The fields of the axes that could be read, each with its place in the list."""
 
 
 class InvalidSweepError(InvalidProblemError):
@@ -59,7 +72,7 @@ KeptName = Annotated[
 class _AsProblem:
     """Describes a field as a problem in the schema; it is read by :mod:`service.schemas.problem`."""
 
-    def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, object]:
+    def __get_pydantic_json_schema__(self, _: CoreSchema, handler: GetJsonSchemaHandler) -> Document:
         return handler(ProblemIn.__pydantic_core_schema__)
 
 
@@ -104,32 +117,22 @@ def read_sweep(document: object, *, max_points: int | None = None) -> Sweep:
     given = list(_readable_axes(document))
     faults += length_faults(given, parts.get("combine"), max_points)
     axes, problem = _first_point(parts.get("base"), given, _pointers(document), faults)
-    match (problem, parts):
-        case (
-            Problem(),
-            {
-                "base": dict(base),
-                "combine": ("grid" | "zip") as combine,
-                "keep": list(keep),
-                "series": bool(series),
-            },
-        ) if axes:
-            columns = _series_columns(problem) if series else ()
-            samples = _samples(problem) if columns else 0
-            sweep = Sweep(base, axes, combine, tuple(keep), columns, samples, problem)
-            faults += kept_faults(keep, problem, has_series=series)
-            if series:
-                faults += series_faults(sweep)
-            if not faults:
-                return sweep
+    keep, series = parts.get("keep"), parts.get("series")
+    if problem is not None and axes and isinstance(keep, list) and "combine" in parts and "series" in parts:
+        sweep = sweep_of(parts, axes, problem)
+        faults += kept_faults(keep, problem, has_series=bool(series))
+        if series:
+            faults += series_faults(sweep)
+        if not faults:
+            return sweep
     raise InvalidSweepError(each_once(faults))
 
 
-def _readable_axes(document: object) -> Iterator[tuple[int, AxisModel]]:
-    """Yield the readable axes with their places."""
+def _readable_axes(document: object) -> Iterator[tuple[int, Part]]:
+    """Yield the fields of the readable axes with their places."""
     for place, axis in enumerate(_listed_axes(document)):
         try:
-            yield place, _axis_reader().validate_python(axis)
+            yield place, fields_of(_axis_reader().validate_python(axis))
         except ValidationError:
             continue  # its faults are among those of the whole document
 
@@ -148,51 +151,31 @@ def _listed_axes(document: object) -> list[object]:
 
 
 @cache
-def _axis_reader() -> TypeAdapter[AxisModel]:
+def _axis_reader() -> TypeAdapter[BaseModel]:
     return TypeAdapter(AxisIn)
 
 
 def _first_point(
-    base: object, given: Sequence[tuple[int, AxisModel]], pointers: Mapping[int, str], faults: list[Fault]
+    base: object, given: Placed, pointers: Mapping[int, str], faults: list[Fault]
 ) -> tuple[tuple[SweepAxis, ...], Problem | None]:
     """Return the valid axes and the first point, if it is a problem; add the faults."""
     if not isinstance(base, dict):
         return (), None
     misplaced = list(pointer_faults(pointers, base))
     bad = {fault.pointer for fault in misplaced}
-    axes = tuple(
-        SweepAxis(axis.pointer, split_pointer(axis.pointer), axis.to_domain(place))
-        for place, axis in given
-        if f"/axes/{place}/pointer" not in bad
-    )
+    axes = tuple(sweep_axis(axis, place) for place, axis in given if f"/axes/{place}/pointer" not in bad)
     faults += [*misplaced, *budget_faults(base)]
-    first = with_values(base, {each.path: json_number(each.axis.value(0)) for each in axes})
     try:
-        return axes, read_problem(first)
+        return axes, read_problem(first_point(base, axes))
     except InvalidProblemError as error:
         faults += [replace(fault, pointer=f"/base{fault.pointer}") for fault in error.faults]
         return axes, None
-
-
-def _series_columns(problem: Problem) -> tuple[str, ...]:
-    """Return ``t`` and the functions of time that the outputs ask for; empty if there are none."""
-    columns = [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in problem.outputs]
-    if "orientation" in problem.outputs:
-        columns += [*QUATERNION, *PRECESSION]
-    return ("t", *columns) if columns else ()
-
-
-def _samples(problem: Problem) -> int:
-    return len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples
 
 
 MAX_SERIES_SAMPLES = 100_000_000
 """Samples of all points together: 0.8 GB of every column before compression."""
 
 _SAMPLES = ("time", "samples")
-
-Placed = Sequence[tuple[int, AxisModel]]
-"""The axes that could be read, each with its place in the list."""
 
 
 def pointer_faults(pointers: Mapping[int, str], base: Mapping[str, object]) -> Iterator[Fault]:
@@ -217,7 +200,7 @@ def pointer_faults(pointers: Mapping[int, str], base: Mapping[str, object]) -> I
 
 def length_faults(axes: Placed, combine: object, max_points: int | None) -> Iterator[Fault]:
     """Yield the faults of the numbers of values."""
-    lengths = [axis.to_domain(place).length for place, axis in axes]
+    lengths = [axis_of(axis, place).length for place, axis in axes]
     if combine == "zip":
         for (place, _), length in zip(axes, lengths, strict=True):
             if length != lengths[0]:

@@ -2,7 +2,8 @@
 
 The stable interface for code that computes or shows points:
 
-- :func:`service.schemas.sweep.reading.read_sweep` takes a sweep's document and returns a :class:`Sweep`.
+- :func:`service.schemas.sweep.reading.read_sweep` takes a sweep's document and returns a :class:`Sweep`;
+  :func:`trusted_sweep` does so for one that was validated before, as the stored ones were.
 - ``sweep.points`` is their number; an index from 0 says everything about a point.
 - ``sweep.values(index)`` are the exact numbers on the axes, ``sweep.document(index)`` is the problem
   that, sent by itself, is the very same; ``sweep.columns(first, count)`` are the numbers as doubles.
@@ -15,15 +16,18 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Literal
+from typing import Any, Literal  # Any: documents that were read from JSON
 
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.equations.orientation import PRECESSION, QUATERNION
 from service.dynamics.exact import exact_number, exact_text
-from service.dynamics.problem import Output, Problem
-from service.dynamics.sweep_axes import Axis, at
-from service.schemas.reading.documents import with_values
+from service.dynamics.motion import columns_of
+from service.dynamics.problem import Output, Problem, TimeList
+from service.dynamics.sweep_axes import Axis, LinearAxis, ListedAxis, LogarithmicAxis, UniformAxis, at
+from service.schemas.problem.trusted import trusted_problem
+from service.schemas.reading.documents import Document, Part, split_pointer, with_values
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -77,13 +81,11 @@ class Sweep:
         places = self._places(np.array([index], dtype=np.int64))
         return tuple(each.axis.value(int(place[0])) for each, place in zip(self.axes, places, strict=True))
 
-    def document(self, index: int) -> dict[str, object]:
+    def document(self, index: int) -> Document:
         """Return the problem document of one point."""
         values = self.values(index)
         replaced = {each.path: json_number(value) for each, value in zip(self.axes, values, strict=True)}
-        document = with_values(dict(self.base), replaced)
-        assert isinstance(document, dict)
-        return document
+        return with_values(self.base, replaced)
 
     def columns(self, first: int, count: int) -> dict[str, FloatArray]:
         """Return the numbers on each axis, by its pointer, of ``count`` neighbouring points as doubles."""
@@ -105,15 +107,60 @@ class Sweep:
         return places[::-1]
 
 
+def trusted_sweep(document: Part) -> Sweep:
+    """Return the sweep that a valid document states; raises what constructors of its first point raise."""
+    axes = tuple(sweep_axis(part, place) for place, part in enumerate(document["axes"]))
+    return sweep_of(document, axes, trusted_problem(first_point(document["base"], axes)))
+
+
+def sweep_of(document: Part, axes: tuple[SweepAxis, ...], first: Problem) -> Sweep:
+    """Return the sweep of a document whose axes and first point are made already."""
+    columns = _series_columns(first) if document.get("series", False) else ()
+    samples = 0
+    if columns:
+        samples = len(first.time.times) if isinstance(first.time, TimeList) else first.time.samples
+    keep = tuple(document.get("keep", DEFAULT_KEEP))
+    return Sweep(document["base"], axes, document.get("combine", "grid"), keep, columns, samples, first)
+
+
+def first_point(base: Part, axes: Sequence[SweepAxis]) -> dict[str, Any]:
+    """Return the problem document with the first value of each axis."""
+    return with_values(base, {each.path: json_number(each.axis.value(0)) for each in axes})
+
+
+def sweep_axis(part: Part, place: int) -> SweepAxis:
+    """Return the axis of a sweep that is the ``place``-th, from 0."""
+    return SweepAxis(part["pointer"], split_pointer(part["pointer"]), axis_of(part, place))
+
+
+def axis_of(part: Part, place: int) -> Axis:
+    """Return the values of an axis; its place selects the random stream."""
+    if "values" in part:
+        return ListedAxis(tuple(map(exact_number, part["values"])))
+    kind = next(kind for kind in ("linspace", "logspace", "uniform") if kind in part)
+    low, high, length = map(exact_number, part[kind])
+    match kind:
+        case "linspace":
+            return LinearAxis(low, high, int(length))
+        case "logspace":
+            return LogarithmicAxis(low, high, int(length))
+    return UniformAxis(low, high, int(length), int(exact_number(part.get("seed", 0))), place)
+
+
+def _series_columns(problem: Problem) -> tuple[str, ...]:
+    """Return ``t`` and the functions of time that the outputs ask for; empty if there are none."""
+    columns = columns_of(problem.outputs)
+    if "orientation" in problem.outputs:
+        columns += [*QUATERNION, *PRECESSION]
+    return ("t", *columns) if columns else ()
+
+
 def json_number(value: Fraction) -> int | float | str:
     """Return ``value`` as a document has it: a JSON number if one says it exactly, text if not."""
     if value.denominator == 1 and abs(value) <= _LARGEST_JSON_INTEGER:
         return value.numerator
     double = float(value)
     return double if exact_number(double) == value else exact_text(value)
-
-
-Document = Mapping[str, object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +226,7 @@ NUMBERS: Mapping[str, KeptNumber] = {
 DEFAULT_KEEP = ("period", "energy", "error")
 
 
-def kept_numbers(solution: Document, names: Sequence[str]) -> list[float]:
+def kept_numbers(solution: Part, names: Sequence[str]) -> list[float]:
     """Return these numbers of a solution's document; NaN for missing ones.
 
     Certified decimals are rounded to doubles; the error then covers the rounding too.
@@ -187,7 +234,7 @@ def kept_numbers(solution: Document, names: Sequence[str]) -> list[float]:
     return [_number(solution, NUMBERS[name].path) for name in names]
 
 
-def _number(solution: Document, path: tuple[str, ...]) -> float:
+def _number(solution: Part, path: tuple[str, ...]) -> float:
     *parents, field = path
     found: object = solution
     for part in parents:
@@ -204,7 +251,7 @@ def _number(solution: Document, path: tuple[str, ...]) -> float:
     return float(value) if isinstance(value, int | float) else math.nan
 
 
-def _error_of_rounded(enclosure: Document) -> float:
+def _error_of_rounded(enclosure: Part) -> float:
     """Return the bound of the error of a certified decimal's double, rounded upwards."""
     middle, radius = exact_number(str(enclosure["value"])), exact_number(str(enclosure["radius"]))
     return math.nextafter(float(radius + abs(middle - Fraction(float(middle)))), math.inf)

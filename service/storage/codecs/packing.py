@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.solution.dense_output import Advance, DenseOutput, Period
 from service.jobs.records import ChunkOutcome
+from service.schemas.reading.documents import Document
 
 FloatArray = NDArray[np.float64]
 
@@ -184,9 +185,6 @@ def _unshuffle(body: bytes, shape: tuple[int, ...]) -> FloatArray:
     return np.asarray(flat.reshape(shape, order="F"), order="C")
 
 
-Document = Mapping[str, object]
-
-
 def encode_document(document: Document) -> bytes:
     """Return the document as bytes (RFC 1950, whose last four are the checksum)."""
     return zlib.compress(json.dumps(document, allow_nan=False, separators=(",", ":")).encode())
@@ -240,8 +238,8 @@ def bounds_of(numbers: Mapping[str, FloatArray]) -> dict[str, tuple[float, float
 def encode_points(points: ChunkPoints) -> bytes:
     """Return the points as the length of the first packet (little endian, 4 bytes) and two packets."""
     words = list(dict.fromkeys(points.outcomes))
-    places = {word: place for place, word in enumerate(words)}
-    outcome = np.array([places[word] for word in points.outcomes], dtype=np.float64)
+    indices = {word: index for index, word in enumerate(words)}
+    outcome = np.array([indices[word] for word in points.outcomes], dtype=np.float64)
     arrays = {_OUTCOME: outcome, **{_NUMBER + name: values for name, values in points.numbers.items()}}
     numbers = pack_arrays(arrays, {"outcomes": tuple(words)})
     series = pack_arrays(points.series, {}) if points.series else b""
@@ -264,11 +262,11 @@ def decode_points(data: bytes, *, with_series: bool = True) -> ChunkPoints:
     words, outcome = header.get("outcomes"), arrays.pop(_OUTCOME, None)
     if not isinstance(words, list) or outcome is None:
         raise CodecError("the packet holds arrays, but not the points of a sweep")
-    places = outcome.astype(np.intp)
-    if len(places) and not 0 <= places.min() <= places.max() < len(words):
+    indices = outcome.astype(np.intp)
+    if len(indices) and not 0 <= indices.min() <= indices.max() < len(words):
         raise CodecError("the packet is damaged: an outcome is not in the list of its header")
     return ChunkPoints(
-        outcomes=[str(words[place]) for place in places],
+        outcomes=[str(words[index]) for index in indices],
         numbers={name.removeprefix(_NUMBER): values for name, values in arrays.items()},
         series=unpack_arrays(series)[0] if with_series and series else {},
     )

@@ -65,7 +65,7 @@ def check_blobs(database: Database, *, sample: int | None, random: Random) -> It
 
 
 def repair_examinations(database: Database) -> Finding | None:
-    """Delete the kept verdicts and windows that are damaged; None if there are none."""
+    """Delete the cached verdicts and windows that are damaged; None if there are none."""
     kind = next(kind for kind in _kinds() if kind.table is ExaminationRow)
     damaged = []
     for row in _rows(database, kind, None, Random(0)):
@@ -91,13 +91,13 @@ def _kinds() -> Iterator[_Kind]:
         "dense_packets", "functions of time can be read", dense.solution_id, dense.data, decode_dense
     )
     yield _packets("samples_packets", "samples can be read", samples.solution_id, samples.data, decode_arrays)
-    kept = ExaminationRow
+    row = ExaminationRow
     yield _Kind(
         "examinations",
         "kept verdicts and windows are as they were when they were found",
-        kept,
-        (kept.key,),
-        (kept.key, kept.seal, kept.content),
+        row,
+        (row.key,),
+        (row.key, row.seal, row.content),
         _read_kept,
         is_warning=True,
         remedy="damaged ones are deleted, and found again when they are needed",
@@ -150,8 +150,8 @@ def _rows(database: Database, kind: _Kind, sample: int | None, random: Random) -
         with database.read() as session:
             total = session.scalar(select(func.count()).select_from(kind.table)) or 0
         if sample < total:
-            for place in sorted(random.sample(range(total), sample)):
-                yield from _page(database, ordered.offset(place).limit(1))
+            for offset in sorted(random.sample(range(total), sample)):
+                yield from _page(database, ordered.offset(offset).limit(1))
             return
     page = _page(database, ordered.limit(_PAGE))
     while page:

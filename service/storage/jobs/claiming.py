@@ -17,13 +17,13 @@ from sqlalchemy import (
 )
 
 from service.jobs.queue import Lane
-from service.jobs.records import Claim, JobKind, JobState, StoredSolution, Taken
-from service.jobs.store import Dispatcher
+from service.jobs.records import Claim, ClaimedJobs, JobKind, JobState, StoredSolution
 from service.storage.database.database import is_postgres
 from service.storage.examinations import sound_content
 from service.storage.jobs import chunks
 from service.storage.jobs.finishing import solved, succeed
 from service.storage.jobs.moves import may_become
+from service.storage.jobs.queue import first_jobs
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow
 from service.storage.tables.operations import ExaminationRow
@@ -51,8 +51,8 @@ def stored_solutions(connection: Connection, solution_ids: Sequence[str]) -> dic
 _JOBS, _EXAMINATIONS, _AUDITS = table_of(JobRow), table_of(ExaminationRow), table_of(AuditRow)
 
 
-def _kept(name: str) -> ColumnElement[object]:
-    """Return a column of the kept windows that a job names, null if this version has found none."""
+def _cached(name: str) -> ColumnElement[object]:
+    """Return a column of the cached windows that a job names, null if this version has found none."""
     found = select(_EXAMINATIONS.c[name]).where(
         _EXAMINATIONS.c.key == _JOBS.c.examination, _EXAMINATIONS.c.version == bindparam("examined_by")
     )
@@ -90,8 +90,8 @@ _CLAIM = (
         _JOBS.c.key_id,
         _JOBS.c.sweep_id,
         _JOBS.c.started_at,
-        _kept("content"),
-        _kept("seal"),
+        _cached("content"),
+        _cached("seal"),
         _JOBS.c.examination,
         _JOBS.c.examined_seconds,
         select(_AUDITS.c.solution_id)
@@ -130,18 +130,17 @@ _BEGIN = insert(table_of(AttemptRow))
 
 def take_jobs(
     connection: Connection,
-    dispatcher: Dispatcher[Connection],
     worker: str,
     count: int,
     lease_seconds: float,
-    owed: Sequence[Lane] = (),
+    starved: Sequence[Lane] = (),
     together: int = 1,
-) -> Taken | None:
+) -> ClaimedJobs | None:
     """Claim the next jobs; finish at once those whose problem has a stored solution by now.
 
-    None if nothing was delivered. The claims may be empty: every delivered job may be out of date.
+    None if none is ready. The claims may be empty: each of them may have been reused.
     """
-    ids = dispatcher.take(connection, count, owed[:count], together) if count else None
+    ids = first_jobs(connection, count, starved, together) if count else None
     if ids is None:
         return None
     claims, solutions = _claim(connection, ids, worker, lease_seconds)
@@ -153,7 +152,7 @@ def take_jobs(
         and claim.audited is None
         and succeed(connection, claim, solutions[claim.digest], reused=True)
     ]
-    return Taken(
+    return ClaimedJobs(
         tuple(claim for claim in claims if claim not in reused), tuple(claim.job_id for claim in reused)
     )
 
@@ -185,7 +184,7 @@ def _claim(
         solutions = solved(connection, sorted({row.digest for row in rows}), hold=True)
     audited = {row.audited for row in rows if row.audited is not None}
     stored = stored_solutions(connection, sorted(audited)) if audited else {}
-    places = {job_id: place for place, job_id in enumerate(ids)}
+    order = {job_id: index for index, job_id in enumerate(ids)}
     begun = {
         row.sweep_id: chunks.begin(connection, row.sweep_id, worker)
         for row in rows
@@ -209,7 +208,7 @@ def _claim(
             examined_seconds=row.examined_seconds,
             alone=row.alone,
         )
-        for row in sorted(rows, key=lambda row: places[row.id])
+        for row in sorted(rows, key=lambda row: order[row.id])
     ]
     return claims, solutions
 

@@ -98,8 +98,8 @@ class WorkerRegistry:
     def _all_kernels(self) -> list[Kernels | None]:
         with self._database.read() as session:
             alive = WorkerRow.seen_at >= database_now(session) - self._silent_seconds
-            told = session.scalars(select(WorkerRow.kernels).where(alive, WorkerRow.slots > 0)).all()
-        return [None if each is None else Kernels.read(each) for each in told]
+            stored = session.scalars(select(WorkerRow.kernels).where(alive, WorkerRow.slots > 0)).all()
+        return [None if each is None else Kernels.read(each) for each in stored]
 
     def leave(self, worker: WorkerProcess) -> None:
         """Remove the row of a worker that shuts down."""

@@ -38,7 +38,7 @@ def found_in_index(source: Source, about: Sequence[Condition]) -> Select[str]:
     subject = about[0].subject
     table = source.attached(subject)
     if table is None:
-        return select(source.row.id).where(*source.always, *conditions_of(source, about))
+        return select(source.id).where(*source.always, *conditions_of(source, about))
     meet = values_meet(table.value.expression, about)
     return select(table.owner_id).where(table.key == source.key_of(subject), *meet)
 
@@ -60,9 +60,9 @@ def _condition(source: Source, condition: Condition, is_test: bool) -> ColumnEle
     subject = condition.subject
     if is_test:
         return _compared(untouched(source.expression(subject)), condition)
-    if subject.place == "label" and condition.operator != "is null":
+    if subject.place == "label" and condition.operator != "is null" and not source.is_led_by(subject):
         # Read from the index of labels, which has few rows where few meet it.
-        return source.row.id.in_(found_in_index(source, [condition]))
+        return source.id.in_(found_in_index(source, [condition]))
     return _compared(source.expression(subject), condition)
 
 

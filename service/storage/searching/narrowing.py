@@ -6,49 +6,98 @@ no statistics to know that before, and Postgres none of labels and of numbers wi
 that meet a condition are counted first in its index, up to a bound.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
-from sqlalchemy import ColumnElement, func, intersect, select
-from sqlalchemy.orm import Session, aliased
+from sqlalchemy import ColumnElement, func, select
+from sqlalchemy.orm import Session
 
-from service.schemas.query.conditions import Condition, ListQuery, OrderKey, Subject
+from service.schemas.query.conditions import Condition, OrderKey, Subject
 from service.storage.database.database import is_postgres
 from service.storage.searching.conditions import conditions_of, found_in_index, untouched
-from service.storage.searching.sources import Expression, Source
+from service.storage.searching.sources import Source
 
-FEW = 1000
-"""Rows that are looked up one by one in some milliseconds."""
-MANY = 20_000
-"""Rows of an index that has all that is asked for: they are read in the same time."""
-MOST = 200_000
-"""Rows of an index that are read, or put beside those of others, before a whole index is."""
+MANY = 10_000
+"""Entries of an index that are read in some milliseconds."""
+MOST = 10_000_000
+"""Entries that are read, in a second or two, before an index is without a bound."""
+ROW = 40
+"""Entries that are read in the time in which a row is looked up; more if the system has forgotten it."""
 
 _IN_AN_INDEX = ("=", "<", "<=", ">", ">=", "in")
 _IN_LABELS = ("id", "created_at")
 """Columns that the index of labels has, too."""
 
 
-def narrowed(
-    session: Session, source: Source, conditions: Sequence[Condition], bounds: Sequence[int] = (FEW,)
-) -> list[ColumnElement[bool]] | None:
-    """Return the SQL of conditions, of which one is met by few rows, up to a bound; None if none is."""
-    small = _met_by_few(session, source, conditions, bounds)
-    if not small:
+@dataclass(frozen=True, slots=True)
+class Found:
+    """How the rows of a query are found."""
+
+    source: Source
+    """Where they are read."""
+    given: list[ColumnElement[bool]]
+    """The SQL of the conditions there."""
+    cost: int | None
+    """How many entries of indexes can be read in that time, at most; None if it is not known."""
+
+
+def met_by_few(
+    session: Session, source: Source, conditions: Sequence[Condition], asked: Iterable[Subject], bound: int
+) -> Found | None:
+    """Return how to find the rows that meet the conditions by what an index tells of one of them.
+
+    Parameters
+    ----------
+    asked
+        What is read of the rows, beside the conditions.
+    bound
+        The largest cost; None is returned if there is no such way.
+    """
+    about = _by_subject(source, conditions)
+    subjects = {*asked, *(each.subject for each in conditions)}
+    counted = {subject: entries(session, source, each, bound) for subject, each in about.items()}
+    counts = {subject: n for subject, n in counted.items() if n <= bound}
+    best: tuple[int, Subject, Source, list[Subject]] | None = None
+    for subject, count in counts.items():
+        is_attached = source.attached(subject) is not None
+        view = source.through(subject, subjects) if is_attached else source
+        has_all = is_attached or subject.name in source.covering
+        # What meets another condition is collected from its own table, if that is less than to look up rows.
+        others = [
+            each
+            for each, n in counts.items()
+            if each != subject and source.attached(each) and not view.is_covered(each) and n <= ROW * count
+        ]
+        is_whole = has_all and all(map(view.is_covered, subjects.difference([subject], others)))
+        looked_up = [
+            n for each, n in counts.items() if each == subject or (has_all and view.is_covered(each))
+        ]
+        cost = count + sum(counts[each] for each in others) + (0 if is_whole else ROW * min(looked_up))
+        if cost <= bound and (best is None or cost < best[0]):
+            best = cost, subject, view if is_whole else source, others
+    if best is None:
         return None
-    tables = [about for about in small if source.attached(about[0].subject) is not None]
-    columns = [about for about in small if about not in tables]
-    if columns:
-        # The index of the column has the others, too: no row is read.
-        found = conditions_of(source, columns[0])
-        given, others = columns[0], [about for about in tables if bounds[-1] > FEW]
-    elif len(tables) > 1 or bounds[-1] <= FEW:
-        ids = [found_in_index(source, about).limit(bounds[-1] + 1).subquery() for about in tables]
-        both = intersect(*(select(each.c[0]) for each in ids)) if len(ids) > 1 else select(ids[0].c[0])
-        found, given, others = [source.row.id.in_(both)], [each for about in tables for each in about], []
-    else:
-        return None
-    return [*source.always, *found, *tests(session, source, conditions, given, others)]
+    cost, subject, view, others = best
+    found = conditions_of(view, about[subject])
+    if view is source and source.attached(subject) is not None:
+        # With a limit, since Postgres knows nothing of how many these are; they may become more meanwhile.
+        few = found_in_index(source, about[subject]).limit(2 * counts[subject] + MANY)
+        found = [source.id.in_(few)]
+    rest = tests(session, view, conditions, about[subject], [about[each] for each in others])
+    return Found(view, [*view.always, *found, *rest], cost)
+
+
+def met(
+    session: Session, source: Source, conditions: Sequence[Condition], asked: Iterable[Subject] = ()
+) -> Found:
+    """Return how to find all rows that meet the conditions."""
+    subjects = list(asked)
+    # Of columns the database has a good index, if not the best one, by itself.
+    for bound in (MANY, MOST) if members(source, conditions) else (MANY,):
+        found = met_by_few(session, source, conditions, subjects, bound)
+        if found is not None:
+            return found
+    return Found(source, [*source.always, *conditions_of(source, conditions)], None)
 
 
 def tests(
@@ -65,7 +114,7 @@ def tests(
     is_test = not is_postgres(session.connection())
     known = [*given, *(each for about in others for each in about)]
     rest = [each for each in conditions if each not in known]
-    row = untouched(source.row.id.expression) if is_test else source.row.id
+    row = untouched(source.id) if is_test else source.id
     return [
         *conditions_of(source, rest, is_test=is_test),
         *(row.in_(found_in_index(source, about)) for about in others),
@@ -78,31 +127,14 @@ def members(source: Source, conditions: Sequence[Condition]) -> list[list[Condit
     return [about for about in found if source.attached(about[0].subject) is not None]
 
 
-def met(session: Session, source: Source, conditions: Sequence[Condition]) -> list[ColumnElement[bool]]:
-    """Return the SQL of conditions: where few rows meet one of them, with these alone."""
-    few = narrowed(session, source, conditions)
-    return [*source.always, *conditions_of(source, conditions)] if few is None else few
+def label_of_order(conditions: Sequence[Condition], keys: Sequence[OrderKey]) -> list[Condition]:
+    """Return the condition on a label, if there is one, whose index has the rows in the order of the keys.
 
-
-def in_order_of_labels(source: Source, query: ListQuery) -> tuple[Source, tuple[Condition, ...]]:
-    """Return how a page in the order of ids or instants is read from the index of a label's value.
-
-    These are the source with the columns of that index, and the other conditions; both are as they
-    were if no label is asked for, or another order. So a page costs the same however many have the label.
+    So a page in the order of ids or instants costs the same however many have the label.
     """
-    found = (each for each in query.conditions if each.subject.place == "label" and each.operator == "=")
-    wanted = next(found, None)
-    if wanted is None or any(key.subject.name not in _IN_LABELS for key in query.keys):
-        return source, query.conditions
-    labels = aliased(source.labels)
-    its_value = labels.key == wanted.subject.name, labels.value == wanted.values[0]
-    always = *source.always, labels.owner_id == source.row.id, *its_value
-    columns: dict[str, Expression] = {
-        "id": labels.owner_id.expression,
-        "created_at": labels.created_at.expression,
-    }
-    others = tuple(each for each in query.conditions if each != wanted)
-    return replace(source, facts={**source.facts, **columns}, always=always), others
+    if any(key.subject.name not in _IN_LABELS for key in keys):
+        return []
+    return [each for each in conditions if each.subject.place == "label" and each.operator == "="][:1]
 
 
 def slow_parts(
@@ -121,6 +153,11 @@ def slow_parts(
         if not has_index or condition.operator not in _IN_AN_INDEX:
             why = "no index finds what meets" if has_index else "no index has"
             yield "?where", f"{why} {subject.text} {condition.operator}: rows are tried one by one"
+    of_problem = {each.subject.text for each in conditions if source.has_number(each.subject)}
+    of_problem |= {key.subject.text for key in keys if source.has_number(key.subject)}
+    if len(of_problem) > 1:
+        both = " and ".join(sorted(of_problem))
+        yield "?where", f"no index has {both} together: rows are looked up if many have each"
     for key in keys[:1]:
         if not (source.has_index_of(key.subject) or key.subject.name in _IN_LABELS):
             yield "?order", f"no index has {key.subject.text}: all rows that match are sorted"
@@ -130,29 +167,10 @@ def slow_parts(
                 yield parameter, f"no index has {subject.text}: it is read from all rows that match"
 
 
-def _met_by_few(
-    session: Session, source: Source, conditions: Sequence[Condition], bounds: Sequence[int]
-) -> list[list[Condition]]:
-    """Return the conditions, those on one subject together, that few rows meet, the fewest first.
-
-    These are counted up to each of the bounds, until there are some. Postgres knows without what it has a
-    statistic of, and finds it by itself.
-    """
-    knows = is_postgres(session.connection())
-    found = [
-        about
-        for subject, about in _by_subject(source, conditions).items()
-        if not knows or source.attached(subject) is not None
-    ]
-    for bound in bounds:
-        counts = []
-        for about in found:
-            rows = found_in_index(source, about).limit(bound + 1).subquery()
-            counts.append(session.scalar(select(func.count()).select_from(rows)) or 0)
-        small = sorted(zip(counts, found, strict=True), key=lambda pair: pair[0])
-        if small and small[0][0] <= bound:
-            return [about for count, about in small if count <= bound]
-    return []
+def entries(session: Session, source: Source, about: Sequence[Condition], bound: int) -> int:
+    """Return how many entries of an index meet conditions on one subject, at most one more than a bound."""
+    found = found_in_index(source, about).limit(bound + 1).subquery()
+    return session.scalar(select(func.count()).select_from(found)) or 0
 
 
 def _by_subject(source: Source, conditions: Sequence[Condition]) -> dict[Subject, list[Condition]]:

@@ -8,7 +8,7 @@ from typing import Any, Self  # parameters of some type
 from sqlalchemy import ColumnElement, and_, false, or_
 from sqlalchemy.orm import Session
 
-from service.schemas.query.conditions import Kind, ListQuery, Subject, Value
+from service.schemas.query.conditions import Kind, OrderKey, Subject, Value
 from service.storage.database.database import is_postgres
 from service.storage.searching.conditions import bound
 from service.storage.searching.sources import Expression, Source
@@ -78,15 +78,14 @@ def beyond(order: Sequence[SortedColumn], after: Sequence[Value | None]) -> list
     return [*bounds, or_(*ways)]
 
 
-def order_of(session: Session, source: Source, query: ListQuery) -> list[SortedColumn]:
-    """Return the columns of the order of a query, the id as the last."""
+def order_of(session: Session, source: Source, keys: Sequence[OrderKey]) -> list[SortedColumn]:
+    """Return the columns of an order."""
     is_on_postgres = is_postgres(session.connection())
     columns = []
-    for key in query.keys:
+    for key in keys:
         subject, expression = key.subject, source.expression(key.subject)
         if is_on_postgres and subject.kind in (Kind.WORD, Kind.TEXT):
             # By code points as SQLite does, whatever the language of the database.
             expression = expression.collate("C")
-        is_nullable = subject.place != "fact" or subject.name not in source.never_null
-        columns.append(SortedColumn(subject, expression, key.descending, is_nullable))
+        columns.append(SortedColumn(subject, expression, key.descending, source.may_be_null(subject)))
     return columns

@@ -9,31 +9,35 @@ A cursor is the place of the last row in the order, not a number of rows: rows t
 in meanwhile neither repeat others nor hide them.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any  # rows and parameters of some type
+from typing import Any  # parameters of some type
 
-from sqlalchemy import ColumnElement, Row, Select, func, select
-from sqlalchemy.orm import Session, aliased
+from sqlalchemy import ColumnElement, Select, func, select
+from sqlalchemy.orm import Session
 
-from service.schemas.query.conditions import ID, Condition, ListQuery, Subject, Value
-from service.storage.database.database import is_postgres
-from service.storage.searching.conditions import conditions_of, values_meet
+from service.schemas.query.conditions import ID, Condition, ListQuery, OrderKey, Subject, Value
+from service.storage.searching.conditions import conditions_of
 from service.storage.searching.narrowing import (
-    FEW,
     MANY,
     MOST,
-    in_order_of_labels,
+    ROW,
+    Found,
+    entries,
+    label_of_order,
     members,
     met,
-    narrowed,
+    met_by_few,
     tests,
 )
 from service.storage.searching.ordering import SortedColumn, beyond, order_of, sorting_of
-from service.storage.searching.sources import Expression, Source
+from service.storage.searching.sources import Source
 
-WINDOW, WINDOW_OF_ROWS = 20_000, 2_000
-"""Rows that are tried in the order of a page before others: in an index alone, and in the table."""
+FURTHER = 30
+"""How many times as many entries are counted, if fewer do not find a way."""
+
+_Row = tuple[Any, ...]
+"""An id, and the values of the order's columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +53,34 @@ class FoundPage:
     """How many rows there are in all, if that was wanted."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """Rows in some order that are looked for."""
+
+    session: Session
+    source: Source
+    conditions: tuple[Condition, ...]
+    keys: tuple[OrderKey, ...]
+    after: tuple[Value | None, ...] | None
+    wanted: int
+    offset: int
+    missing: tuple[OrderKey, ...] = ()
+    """Keys before these of which the rows have no value."""
+
+    @property
+    def subjects(self) -> list[Subject]:
+        """What conditions and order are about."""
+        return [*(each.subject for each in self.conditions), *(key.subject for key in self.keys)]
+
+
 def find(session: Session, source: Source, query: ListQuery) -> FoundPage:
     """Return one page."""
-    total = count(session, source, query.conditions) if query.is_counted else None
-    rows = _found(session, source, query)
+    total = count(session, source, query.conditions, query.count_limit) if query.is_counted else None
+    # One more than the page has tells whether there is another one.
+    search = _Search(
+        session, source, query.conditions, query.keys, query.after, query.limit + 1, query.offset
+    )
+    rows = _found(search)
     page = rows[: query.limit]
     ids = tuple(row[0] for row in page)
     return FoundPage(
@@ -63,92 +91,194 @@ def find(session: Session, source: Source, query: ListQuery) -> FoundPage:
     )
 
 
-def count(session: Session, source: Source, conditions: Sequence[Condition]) -> int:
-    """Return how many rows meet the conditions."""
-    statement = select(func.count()).select_from(source.row).where(*met(session, source, conditions))
-    return session.scalar(statement) or 0
+def count(
+    session: Session, source: Source, conditions: Sequence[Condition], limit: int | None = None
+) -> int | None:
+    """Return how many rows meet the conditions; None if they are more than a limit."""
+    met_by = met(session, source, conditions)
+    view, given = met_by.source, met_by.given
+    if limit is None:
+        return session.scalar(view.select(func.count()).where(*given)) or 0
+    some = view.select(view.id).where(*given).limit(limit + 1).subquery()
+    found = session.scalar(select(func.count()).select_from(some)) or 0
+    return found if found <= limit else None
 
 
-@dataclass(frozen=True, slots=True)
-class _Search:
-    """The query for a page, and the source of its rows."""
-
-    session: Session
-    source: Source
-    query: ListQuery
-    order: Sequence[SortedColumn]
-    conditions: Sequence[ColumnElement[bool]]
-    window: int | None = None
-    """Rows of the index of the order that are tried at most; None if that is not bounded."""
-    is_walked: bool = False
-    """Whether rows are read in the order of the page, until there are enough."""
-
-    def rows(self) -> list[Row[Any]] | None:
-        """Return the rows of the page; None if the window has not enough of them."""
-        order, source, query = self.order, self.source, self.query
-        values = [column.expression.label(f"value_{place}") for place, column in enumerate(order)]
-        selected: list[Any] = [source.row.id.label("row"), *values]
-        statement = select(*selected).where(*self.conditions)
-        if not self.is_walked:
-            # All are found before they are sorted: an OFFSET keeps the index of the order out of it.
-            found = statement.offset(0).subquery()
-            statement = select(*found.c)
-            order = [
-                replace(each, expression=found.c[value.name])
-                for each, value in zip(order, values, strict=True)
-            ]
-        # One more than the page has tells whether there is another one.
-        wanted = query.limit + 1
-        if self.is_walked:
-            return _rows(self, statement, order, query.after, wanted, query.offset)
-        return _part(self, statement, order, query.after, wanted, query.offset, ())
-
-
-def _found(session: Session, source: Source, query: ListQuery) -> list[Row[Any]]:
-    """Return the rows of a page, one more than it has if there is another one.
+def _found(search: _Search) -> list[_Row]:
+    """Return the rows.
 
     They are those that meet a condition that few rows meet, or the first ones in the order of the page; if
-    these do not have enough of them, those that meet a condition that not too many meet.
+    these have not enough of them, what takes least: those that meet some condition, or all in the order.
     """
-    asked = [*(each.subject for each in query.conditions), *(key.subject for key in query.keys)]
-    is_covered = all(map(source.is_covered, asked))
-    few = narrowed(session, source, query.conditions, (FEW, MANY) if is_covered else (FEW,))
-    if few is None:
-        rows = _walk(session, source, query, is_bounded=True).rows()
+    lead, about = _led(search)
+    if lead is not None and len(about) == len(search.conditions):
+        return _walked(search) or []
+    bound = MANY
+    while bound <= MOST:
+        few = met_by_few(search.session, search.source, search.conditions, search.subjects, bound)
+        if bound > MANY and _is_shorter(search, bound if few is None or few.cost is None else few.cost):
+            break
+        if few is not None:
+            return _sorted(search, few)
+        rows = _walked(search, window=MANY) if bound == MANY else None
         if rows is not None:
             return rows
-        few = narrowed(session, source, query.conditions, (MOST,))
-        if few is None and not is_postgres(session.connection()):
-            return _walk(session, source, query, is_bounded=False).rows() or []
-        # Postgres has statistics of the other conditions.
-        few = few or [*source.always, *conditions_of(source, query.conditions)]
-    return _Search(session, source, query, order_of(session, source, query), few).rows() or []
+        bound *= FURTHER
+    return _walked(search) or []
 
 
-def _walk(session: Session, source: Source, query: ListQuery, *, is_bounded: bool) -> _Search:
-    """Return the search in the order of the page, in a window of it or as far as there are rows."""
-    labelled, given = in_order_of_labels(source, query)
-    first = query.keys[0].subject
-    order = order_of(session, labelled, query)
-    if given == query.conditions and not source.has_index_of(first):
-        # The database chooses.
-        chosen = [*source.always, *conditions_of(source, given)]
-        return _Search(session, source, query, order, chosen, is_walked=True)
-    about = [each for each in given if each.subject == first]
-    others = [] if is_bounded else members(source, [each for each in given if each not in about])
-    conditions = [
-        *labelled.always,
-        *conditions_of(labelled, about),
-        *tests(session, labelled, given, about, others),
-    ]
-    window = None
-    if is_bounded and given == query.conditions:
-        window = WINDOW if all(source.is_covered(each.subject) for each in given) else WINDOW_OF_ROWS
-    return _Search(session, labelled, query, order, conditions, window, is_walked=True)
+def _is_shorter(search: _Search, cost: int) -> bool:
+    """Tell whether all rows can be read in their order at less than a cost."""
+    lead, about = _led(search)
+    if lead is None:
+        return False
+    tried = _tried_in_rows(search, lead, about)
+    others = members(search.source, tried)
+    collected = [each for about_one in others for each in about_one]
+    each = 1 if lead != ID and all(condition in collected for condition in tried) else ROW
+    cost -= sum(entries(search.session, search.source, about_one, cost) for about_one in others)
+    if cost <= 0:
+        return False
+    index, led = _index_of(search, lead, about)
+    some = index.select(index.id).where(*index.always, *led).limit(cost // each + 1).subquery()
+    return each * (search.session.scalar(select(func.count()).select_from(some)) or 0) < cost
 
 
-def _labelled(expressions: Iterable[Expression]) -> list[ColumnElement[Any]]:
-    return [expression.label(f"value_{place}") for place, expression in enumerate(expressions)]
+def _sorted(search: _Search, few: Found) -> list[_Row]:
+    """Return the rows from those that meet the conditions, all of which are sorted."""
+    source, given = few.source, few.given
+    order = order_of(search.session, source, search.keys)
+    # All are found before they are sorted: an OFFSET keeps the index of the order out of it.
+    found = _selected(source, order).where(*given).offset(0).subquery()
+    in_found = [replace(column, expression=found.c[place]) for place, column in enumerate(order, 1)]
+    return _read(search, select(*found.c), in_found, sorting_of(in_found))
+
+
+def _walked(search: _Search, *, window: int | None = None) -> list[_Row] | None:
+    """Return the rows, read in their order, or None: they are not among the first ones of an index.
+
+    ``window``: so many entries of it are read at most, or rows looked up in that time.
+    """
+    first, after = search.keys[0].subject, search.after
+    if not search.source.may_be_null(first):
+        return _in_order(search, window)
+    about = [each.operator for each in search.conditions if each.subject == first]
+    rows: list[_Row] = []
+    skipped = search.offset
+    if "is null" not in about and not (after is not None and after[0] is None):
+        present = replace(search, conditions=(*search.conditions, Condition(first, "is not null")))
+        found = _in_order(present, window)
+        if found is None:
+            return None
+        rows, after = found, None
+        if rows:
+            skipped = 0
+        elif skipped:
+            skipped -= count(search.session, search.source, present.conditions) or 0
+    if all(operator == "is null" for operator in about) and len(rows) < search.wanted:
+        missing = replace(
+            search,
+            conditions=(*search.conditions, Condition(first, "is null")),
+            keys=search.keys[1:],
+            after=None if after is None else after[1:],
+            wanted=search.wanted - len(rows),
+            offset=max(0, skipped),
+            missing=(*search.missing, search.keys[0]),
+        )
+        # No index has the rows without a number that has no column.
+        is_searched = search.source.attached(first) is not None
+        others = _found(missing) if is_searched else _walked(missing)
+        rows += [(row[0], None, *row[1:]) for row in others or []]
+    return rows
+
+
+def _led(search: _Search) -> tuple[Subject | None, list[Condition]]:
+    """Return the subject in whose index rows are read in their order, and the conditions that it tells.
+
+    None, and all conditions, if the database chooses.
+    """
+    labels = label_of_order(search.conditions, search.keys)
+    if labels:
+        return labels[0].subject, labels
+    first = search.keys[0].subject
+    if not search.source.has_index_of(first):
+        return None, list(search.conditions)
+    known = [first, *(key.subject for key in search.missing)]
+    return first, [each for each in search.conditions if each.subject in known]
+
+
+def _index_of(
+    search: _Search, lead: Subject | None, about: Sequence[Condition]
+) -> tuple[Source, list[ColumnElement[bool]]]:
+    """Return where the index that rows are read in is, and the SQL of what it tells."""
+    source = search.source
+    view = source if lead is None or source.attached(lead) is None else source.through(lead)
+    return view, conditions_of(view, about)
+
+
+def _tried_in_rows(search: _Search, lead: Subject, about: Sequence[Condition]) -> list[Condition]:
+    """Return the conditions that the index that rows are read in has nothing of."""
+    view, _ = _index_of(search, lead, about)
+    return [each for each in search.conditions if each not in about and not view.is_covered(each.subject)]
+
+
+def _in_order(search: _Search, window: int | None) -> list[_Row] | None:
+    """Return rows that all have a value in the first column of their order."""
+    session, source, conditions, keys = search.session, search.source, search.conditions, search.keys
+    lead, about = _led(search)
+    tried = [] if lead is None else _tried_in_rows(search, lead, about)
+    others = [] if window is not None else members(source, tried)
+    view = source
+    if lead is not None and source.attached(lead) is not None:
+        collected = [about_one[0].subject for about_one in others]
+        view = source.through(lead, [each for each in search.subjects if each not in collected])
+    given = [*view.always, *conditions_of(view, about), *tests(session, view, conditions, about, others)]
+    order = order_of(session, view, keys)
+    order[0] = order[0].present
+    # Sorted by the missing columns all the same, so that Postgres takes their index.
+    missing = [key for key in search.missing if view.is_covered(key.subject)]
+    led_by = [each.present for each in order_of(session, view, missing)]
+    statement = _selected(view, order).where(*given)
+    last = None
+    if window is not None and lead is not None and len(about) < len(conditions):
+        last = _end_of_window(search, lead, about, window)
+        if last is not None:
+            statement = statement.where(order[0].not_after(last))
+    rows = _read(search, statement, order, [*sorting_of(led_by), *sorting_of(order)])
+    return None if last is not None and len(rows) < search.wanted else rows
+
+
+def _end_of_window(search: _Search, lead: Subject, about: Sequence[Condition], window: int) -> Value | None:
+    """Return the value at which a window of the index of the order ends, None if it reaches to the end."""
+    index, led = _index_of(search, lead, about)
+    first = order_of(search.session, index, search.keys[:1])[0].present
+    begin = [first.not_before(search.after[0])] if search.after and search.after[0] is not None else []
+    has_all = lead != ID and not _tried_in_rows(search, lead, about)
+    size = window if has_all else window // ROW
+    statement = index.select(first.expression).where(*index.always, *led, *begin)
+    found: Value | None = search.session.scalar(
+        statement.order_by(*sorting_of([first])).limit(1).offset(size)
+    )
+    return found
+
+
+def _selected(source: Source, order: Sequence[SortedColumn]) -> Select[Any]:
+    values = [column.expression.label(f"value_{place}") for place, column in enumerate(order)]
+    return source.select(source.id.label("row"), *values)
+
+
+def _read(
+    search: _Search,
+    statement: Select[Any],
+    order: Sequence[SortedColumn],
+    sorting: Sequence[ColumnElement[Any]],
+) -> list[_Row]:
+    if search.after is not None:
+        statement = statement.where(*beyond(order, search.after))
+    statement = statement.order_by(*sorting).limit(search.wanted)
+    if search.offset:
+        statement = statement.offset(search.offset)
+    return [tuple(row) for row in search.session.execute(statement)]
 
 
 def _columns(
@@ -157,100 +287,7 @@ def _columns(
     """Return the wanted columns of rows, read when it is known which rows they are."""
     if not columns:
         return ((),) * len(ids)
-    selected: list[Any] = [source.row.id.label("row"), *_labelled(map(source.expression, columns))]
-    statement = select(*selected).where(source.row.id.in_(ids))
+    values = [source.expression(each).label(f"value_{place}") for place, each in enumerate(columns)]
+    statement = source.select(source.id.label("row"), *values).where(source.id.in_(ids))
     found = {row[0]: tuple(row[1:]) for row in session.execute(statement)}
     return tuple(found[each] for each in ids)
-
-
-def _rows(
-    search: _Search,
-    statement: Select[Any],
-    order: Sequence[SortedColumn],
-    after: Sequence[Value | None] | None,
-    wanted: int,
-    offset: int,
-) -> list[Row[Any]] | None:
-    first = order[0]
-    if not first.may_be_null:
-        return _part(search, statement, order, after, wanted, offset, _about(search, first))
-    known, unknown = _parts_needed(search.query, first)
-    rows: list[Row[Any]] = []
-    skipped = offset
-    if known and not (after is not None and after[0] is None):
-        with_first, in_order, inside = _with_first(search, statement, order)
-        found = _part(search, with_first, in_order, after, wanted, skipped, inside)
-        if found is None:
-            return None
-        rows, after = found, None
-        if unknown and not rows and skipped:
-            counted = with_first.order_by(None).with_only_columns(func.count(), maintain_column_froms=True)
-            skipped -= search.session.scalar(counted) or 0
-        else:
-            skipped = 0
-    if unknown and len(rows) < wanted:
-        # Sorted by the missing column all the same, so that Postgres takes its index.
-        without = statement.where(first.expression.is_(None)).order_by(first.present.sorting()[0])
-        rest = None if after is None else after[1:]
-        whole = replace(search, window=None)
-        rows += _rows(whole, without, order[1:], rest, wanted - len(rows), max(0, skipped)) or []
-    return rows
-
-
-def _about(search: _Search, first: SortedColumn) -> list[ColumnElement[bool]]:
-    """Return the conditions on the first column of an order, which its index can tell."""
-    about = [each for each in search.query.conditions if each.subject == first.subject]
-    return values_meet(first.expression, about)
-
-
-def _with_first(
-    search: _Search, statement: Select[Any], order: Sequence[SortedColumn]
-) -> tuple[Select[Any], list[SortedColumn], list[ColumnElement[bool]]]:
-    """Return the statement for rows with a value in the first column, their order, and what its index tells.
-
-    A number without a column is read in the order of its own table.
-    """
-    first, *others = order
-    numbers = search.source.attached(first.subject) if first.subject.place == "pointer" else None
-    if numbers is None:
-        is_known = first.expression.is_not(None)
-        return statement.where(is_known), [first.present, *others], [is_known, *_about(search, first)]
-    table = aliased(numbers)
-    in_table = replace(first.present, expression=table.value.expression)
-    owner = table.owner_id.expression
-    inside = [table.key == search.source.key_of(first.subject), *_about(search, in_table)]
-    in_order = [
-        in_table,
-        *(replace(each, expression=owner) if each.subject == ID else each for each in others),
-    ]
-    return statement.where(owner == search.source.row.id, *inside), in_order, inside
-
-
-def _parts_needed(query: ListQuery, first: SortedColumn) -> tuple[bool, bool]:
-    """Tell whether rows with the first column of an order, and rows without it, can meet the conditions."""
-    about = [each.operator for each in query.conditions if each.subject == first.subject]
-    return "is null" not in about, all(operator == "is null" for operator in about)
-
-
-def _part(
-    search: _Search,
-    statement: Select[Any],
-    order: Sequence[SortedColumn],
-    after: Sequence[Value | None] | None,
-    limit: int,
-    offset: int,
-    inside: Sequence[ColumnElement[bool]],
-) -> list[Row[Any]] | None:
-    """Return rows of a statement; ``inside`` is what an index that begins with the order can tell of them."""
-    first, last = order[0], None
-    if search.window is not None:
-        begin = [] if after is None or after[0] is None else [first.not_before(after[0])]
-        window = select(first.expression).where(*inside, *begin).order_by(*sorting_of([first]))
-        last = search.session.scalar(window.limit(1).offset(search.window))
-    if after is not None:
-        statement = statement.where(*beyond(order, after))
-    if last is not None:
-        statement = statement.where(first.not_after(last))
-    statement = statement.order_by(*sorting_of(order)).limit(limit)
-    rows = search.session.execute(statement.offset(offset) if offset else statement).all()
-    return None if last is not None and len(rows) < limit else list(rows)

@@ -4,12 +4,12 @@ An expression means the same on SQLite and Postgres: numbers are doubles, words 
 their code points, and what a row does not have is NULL.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any  # SQL expressions of some type
+from typing import Any, Self  # Any: SQL expressions of some type, tables and joins
 
-from sqlalchemy import ColumnElement, select
-from sqlalchemy.orm import InstrumentedAttribute
+from sqlalchemy import ColumnElement, Select, select
+from sqlalchemy.orm import InstrumentedAttribute, aliased, join
 
 from service.jobs.records import JobKind
 from service.schemas.query.conditions import Kind, Subject
@@ -46,10 +46,25 @@ class Source:
     covering: frozenset[str] = frozenset()
     """Facts and pointers whose index goes on with the id and has all that is asked for often."""
     numbers: type[SolutionNumberRow] | None = None
-    """The table of the numbers of the problem that have no column."""
+    """The table of the numbers of the problem that have no column; it has the covering facts, too."""
+    table: Any = None
+    """Where rows are read, if it is not their own table."""
+    lead: tuple[Subject, Expression] | None = None
+    """The subject that this table has the values of, and these values."""
+
+    @property
+    def id(self) -> Expression:
+        """The id of a row."""
+        return self.facts["id"]
+
+    def select(self, *selected: Any) -> Select[Any]:  # noqa: ANN401
+        """Return a statement on its rows."""
+        return select(*selected).select_from(self.row if self.table is None else self.table)
 
     def expression(self, subject: Subject) -> Expression:
         """Return the SQL of a subject."""
+        if self.lead is not None and subject == self.lead[0]:
+            return self.lead[1]
         if subject.place == "fact" and subject.name in self.facts:
             return self.facts[subject.name]
         if subject.place == "pointer" and subject.name in self.columns:
@@ -64,21 +79,56 @@ class Source:
     def label(self, key: str) -> Expression:
         """Return the value that a row has under a key, NULL if it has none."""
         labels = self.labels
-        owned = labels.owner_id == self.row.id, labels.key == key
+        owned = labels.owner_id == self.id, labels.key == key
         return select(labels.value).where(*owned).scalar_subquery()
 
     def attached(self, subject: Subject) -> type[AnyLabelRow] | type[SolutionNumberRow] | None:
         """Return the table that has the values of a subject alone, with an index; None if there is none."""
         if subject.place == "label":
             return self.labels
-        return self.numbers if self._has_number(subject) else None
+        return self.numbers if self.has_number(subject) else None
 
-    def _has_number(self, subject: Subject) -> bool:
+    def through(self, subject: Subject, asked: Iterable[Subject] = ()) -> Self:
+        """Return the list as it is read in the table that has the values of a subject.
+
+        It has the rows with a value. Their own table is joined only if something is asked that this one has
+        not.
+        """
+        model = self.attached(subject)
+        assert model is not None
+        table = aliased(model)
+        carried = frozenset({"created_at"}) if subject.place == "label" else self.covering
+        facts = {name: _carried(table, self.facts[name]) for name in carried if name in self.facts}
+        columns = {name: _carried(table, self.columns[name]) for name in carried if name in self.columns}
+        view = replace(
+            self,
+            facts={**self.facts, **facts, "id": table.owner_id.expression},
+            columns={**self.columns, **columns},
+            covering=carried,
+            always=(*self.always, table.key == self.key_of(subject)),
+            lead=(subject, table.value.expression),
+        )
+        is_whole = not self.always and all(map(view.is_covered, asked))
+        joined = table if is_whole else join(table, self.row, table.owner_id == self.row.id)
+        return replace(view, table=joined)
+
+    def has_number(self, subject: Subject) -> bool:
+        """Tell whether a subject is a number of the problem that has no column."""
         return self.numbers is not None and subject.place == "pointer" and subject.name not in self.columns
 
     def is_covered(self, subject: Subject) -> bool:
         """Tell whether the indexes of others have a subject, too."""
-        return subject.place != "label" and (subject.name in self.covering or subject.name == "id")
+        is_fact = subject.place != "label" and (subject.name in self.covering or subject.name == "id")
+        return is_fact or self.is_led_by(subject)
+
+    def may_be_null(self, subject: Subject) -> bool:
+        """Tell whether there may be rows without a value."""
+        is_known = subject.place != "label" and subject.name in self.never_null
+        return not is_known and not self.is_led_by(subject)
+
+    def is_led_by(self, subject: Subject) -> bool:
+        """Tell whether it is read in the table that has the values of this subject."""
+        return self.lead is not None and subject == self.lead[0]
 
     def has_index_of(self, subject: Subject) -> bool:
         """Tell whether a page in the order of a subject is read in an index that SQLite must be led to."""
@@ -93,6 +143,12 @@ class Source:
     def labels(self) -> type[AnyLabelRow]:
         """The table of the labels of its rows."""
         return LABELS_OF[self.row]
+
+
+def _carried(table: Any, fact: Expression) -> Expression:  # noqa: ANN401
+    """Return the column of another table that has a fact, by the same name."""
+    found: Expression = getattr(table, str(fact.key)).expression
+    return found
 
 
 def _of_solution(column: InstrumentedAttribute[Any]) -> Expression:

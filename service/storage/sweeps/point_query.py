@@ -94,9 +94,9 @@ class PointQuery:
     @property
     def keys(self) -> tuple[OrderKey, ...]:
         """The columns of the order; the last one is the index."""
-        for place, key in enumerate(self.order):
+        for index, key in enumerate(self.order):
             if key.subject.name == INDEX:
-                return self.order[: place + 1]
+                return self.order[: index + 1]
         return (*self.order, BY_INDEX)
 
     @property

@@ -178,8 +178,8 @@ class PointReader:
                 yield chunk
 
     def _gather(self, wanted: IntArray) -> PointBlock:
-        places = np.argsort(wanted)
-        ordered, size = wanted[places], len(wanted)
+        order = np.argsort(wanted)
+        ordered, size = wanted[order], len(wanted)
         found = PointBlock(
             wanted,
             {name: np.empty(size) for name in (*self._sweep.pointers, *self._sweep.keep)},
@@ -190,7 +190,7 @@ class PointReader:
             indices = _indices(batch)
             block = self._read(batch, indices, self._sweep.columns_at(indices), self._series)
             first, last = np.searchsorted(ordered, [indices[0], indices[-1] + 1])
-            rows, to = np.searchsorted(indices, ordered[first:last]), places[first:last]
+            rows, to = np.searchsorted(indices, ordered[first:last]), order[first:last]
             for name, values in found.numbers.items():
                 values[to] = block.numbers[name][rows]
             for name, values in found.series.items():
@@ -247,15 +247,15 @@ def _all(conditions: Sequence[Condition], columns: Mapping[str, FloatArray], row
 
 
 def _later(query: PointQuery, keys: Sequence[FloatArray]) -> BoolArray:
-    """Tell for each point whether it comes after the place ``query.after``; ``keys`` grow in the order."""
+    """Tell for each point whether it comes after the position ``query.after``; ``keys`` grow in the order."""
     assert query.after is not None
     later, equal = np.zeros(len(keys[0]), dtype=np.bool_), np.ones(len(keys[0]), dtype=np.bool_)
-    for key, values, place in zip(query.keys, keys, query.after, strict=True):
+    for key, values, bound in zip(query.keys, keys, query.after, strict=True):
         missing = np.isnan(values)
-        if place is None:
+        if bound is None:
             equal &= missing
             continue
-        least = -place if key.descending else place
+        least = -bound if key.descending else bound
         later |= equal & (missing | (values > least))
         equal &= values == least
     return later

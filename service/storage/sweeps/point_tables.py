@@ -29,16 +29,16 @@ class PointGrid:
 def cell_indices(sweep: Sweep, at: Mapping[int, int]) -> IntArray:
     """Return the indices of the points of the cells; they grow along a row and from row to row.
 
-    ``at`` has for each axis but one or two, by its place among the axes, the place on it.
+    ``at`` has for each axis but one or two, by its index among the axes, the index on it.
     """
     lengths = [each.axis.length for each in sweep.axes]
     # In a grid the last axis runs fastest.
-    strides = [int(np.prod(lengths[place + 1 :], dtype=np.int64)) for place in range(len(lengths))]
-    first = sum(at[place] * strides[place] for place in at)
-    *rows, columns = [place for place in range(len(lengths)) if place not in at]
+    strides = [int(np.prod(lengths[axis + 1 :], dtype=np.int64)) for axis in range(len(lengths))]
+    first = sum(at[axis] * strides[axis] for axis in at)
+    *rows, columns = [axis for axis in range(len(lengths)) if axis not in at]
     indices: IntArray = first + strides[columns] * np.arange(lengths[columns], dtype=np.int64)[None, :]
-    for place in rows:
-        indices = indices + strides[place] * np.arange(lengths[place], dtype=np.int64)[:, None]
+    for axis in rows:
+        indices = indices + strides[axis] * np.arange(lengths[axis], dtype=np.int64)[:, None]
     return indices
 
 
@@ -87,8 +87,8 @@ class PointTable:
 def _groups(block: PointBlock, name: str) -> Iterator[tuple[Value | None, IntArray]]:
     """Yield each value of a column with the rows that have it."""
     column = block.outcomes.astype(np.str_) if name == OUTCOME else block.column(name)
-    values, places = np.unique(column, return_inverse=True)
-    order = np.argsort(places, kind="stable")
-    ends = np.searchsorted(places[order], np.arange(1, max(1, len(values))))
+    values, inverse = np.unique(column, return_inverse=True)
+    order = np.argsort(inverse, kind="stable")
+    ends = np.searchsorted(inverse[order], np.arange(1, max(1, len(values))))
     for value, rows in zip(values.tolist(), np.split(order, ends), strict=False):
         yield (None if value != value else value), rows

@@ -4,7 +4,8 @@ from sqlalchemy import JSON, BigInteger, String, Uuid, true
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.keys import Role
-from service.storage.tables.base import Base, Document, Word
+from service.schemas.reading.documents import Document
+from service.storage.tables.base import Base, Word
 
 
 class ApiKeyRow(Base):
@@ -43,7 +44,7 @@ class WorkerRow(Base):
     started_at: Mapped[float]
     seen_at: Mapped[float]
     is_warm: Mapped[bool] = mapped_column(default=True, server_default=true())
-    """It has loaded all that any job needs, or has told in its log why it could not."""
+    """It has loaded all that any job needs, or has logged why it could not."""
     kernels: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
     """How far they are compiled, see :class:`service.jobs.kernels.Kernels`; null: there is nothing to do."""
 
@@ -74,7 +75,7 @@ class CalibrationRow(Base):
 
 
 class ExaminationRow(Base):
-    """A kept verdict, or the kept windows of a curve: nothing in it that cannot be found again."""
+    """A cached verdict, or the cached windows of a curve: nothing in it that cannot be computed again."""
 
     __tablename__ = "examinations"
 

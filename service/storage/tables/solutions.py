@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator
 
-from sqlalchemy import ForeignKey, Index, String, Text, Uuid
+from sqlalchemy import JSON, ForeignKey, Index, PrimaryKeyConstraint, String, Text, Uuid
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.schemas.reading.marks import LONGEST_NOTE
-from service.storage.tables.base import ASKED_DOCUMENT, Base, Document
+from service.schemas.reading.annotation import LONGEST_NOTE
+from service.schemas.reading.documents import Document
+from service.schemas.replies.summary import SolutionSummary
+from service.storage.tables.base import ASKED_DOCUMENT, Base
 
 ASKED = (
     "family", "method", "tier", "stability", "aperiodic",
@@ -24,21 +26,9 @@ def _index_by(first: str) -> Index:
     return Index(f"ix_solutions_{first}_id", first, "id", *others)
 
 
-class SolutionRow(Base):
-    """A solution without its arrays; the numbers that are filtered and sorted by have columns of their own.
+class AskedColumns:
+    """What lists are asked for often: the columns above."""
 
-    It outlives its job: the problem is kept here too, and ``job_id`` says where
-    it came from without being a foreign key.
-    """
-
-    __tablename__ = "solutions"
-    __table_args__ = (*map(_index_by, ASKED),)
-
-    id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
-    job_id: Mapped[str] = mapped_column(Uuid(as_uuid=False), unique=True)
-    digest: Mapped[str] = mapped_column(index=True)
-    problem: Mapped[Document]
-    summary: Mapped[Document]
     created_at: Mapped[float]
     family: Mapped[str | None] = mapped_column(String(32))
     method: Mapped[str | None] = mapped_column(String(32))
@@ -58,43 +48,77 @@ class SolutionRow(Base):
     stability: Mapped[str | None] = mapped_column(String(16))
     """The verdict."""
     aperiodic: Mapped[str | None] = mapped_column(String(16))
+
+
+class SolutionRow(AskedColumns, Base):
+    """A solution without its arrays; the numbers that are filtered and sorted by have columns of their own.
+
+    It outlives its job: the problem is kept here too, and ``job_id`` says where
+    it came from without being a foreign key.
+    """
+
+    __tablename__ = "solutions"
+    __table_args__ = (*map(_index_by, ASKED),)
+
+    id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
+    job_id: Mapped[str] = mapped_column(Uuid(as_uuid=False), unique=True)
+    digest: Mapped[str] = mapped_column(index=True)
     facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
     """The numbers of the problem by JSON pointer: see :mod:`service.schemas.query.facts`."""
     note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
+    # After all that is short: on SQLite what is read of a row costs what stands before it.
+    problem: Mapped[Document] = mapped_column(sort_order=1)
+    summary: Mapped[SolutionSummary] = mapped_column(JSON(), sort_order=1)
 
 
-class SolutionNumberRow(Base):
+class SolutionNumberRow(AskedColumns, Base):
     """A number of the problem without a column of its own, by which solutions are found and sorted.
 
-    Triggers of the database make them of the facts of a new solution, and delete them with it: so there is
-    no foreign key, which would need an index by solution.
+    It has all else that is asked for often, as the indexes of solutions have: no row is read. Triggers
+    of the database make them of the facts of a new solution, and delete them with it: so there is no foreign
+    key, which would need an index by solution.
     """
 
     __tablename__ = "solution_numbers"
-    # On SQLite the table is its index.
-    __table_args__ = ({"sqlite_with_rowid": False},)
+    __table_args__ = (
+        PrimaryKeyConstraint("name", "value", "solution_id", postgresql_include=list(ASKED)),
+        # On SQLite the table is its index.
+        {"sqlite_with_rowid": False},
+    )
 
-    key: Mapped[str] = mapped_column("name", Text(), primary_key=True)
+    key: Mapped[str] = mapped_column("name", Text(), sort_order=-1)
     """As in the facts: see :func:`service.schemas.query.facts.stored_name`."""
-    value: Mapped[float] = mapped_column(primary_key=True)
-    owner_id: Mapped[str] = mapped_column("solution_id", Uuid(as_uuid=False), primary_key=True)
+    value: Mapped[float] = mapped_column(sort_order=-1)
+    owner_id: Mapped[str] = mapped_column("solution_id", Uuid(as_uuid=False), sort_order=-1)
 
 
 _NUMBERS = {
-    "sqlite": "SELECT key, value, {row}.id FROM json_each({row}.facts) WHERE type IN ('integer', 'real')",
-    "postgresql": "SELECT key, value::float8, {row}.id FROM jsonb_each({row}.facts)"
-    " WHERE jsonb_typeof(value) = 'number'",
+    "sqlite": "json_each({row}.facts) WHERE type IN ('integer', 'real')",
+    "postgresql": "jsonb_each({row}.facts) WHERE jsonb_typeof(value) = 'number'",
 }
-"""The numbers among the facts of a row, as rows of solution_numbers."""
+"""The numbers among the facts of a row."""
+_VALUE = {"sqlite": "value", "postgresql": "value::float8"}
 _WITH_COLUMNS = " AND key NOT IN ('/body/A', '/body/B', '/body/C', '/motion/lambda')"
-_MAKE = "INSERT INTO solution_numbers (name, value, solution_id) "
-_DELETE = "DELETE FROM solution_numbers WHERE (name, value, solution_id) IN "
+
+
+def insertion(dialect: str, row: str, table: str = "") -> str:
+    """Return the statement that makes the numbers of a row, or of those of a table, which a comma follows."""
+    columns = ", ".join(["name", "value", "solution_id", *(f'"{name}"' for name in ASKED)])
+    asked = "".join(f', {row}."{name}"' for name in ASKED)
+    numbers = _NUMBERS[dialect].format(row=row) + _WITH_COLUMNS
+    return (
+        f"INSERT INTO solution_numbers ({columns})"
+        f" SELECT key, {_VALUE[dialect]}, {row}.id{asked} FROM {table}{numbers}"
+    )
 
 
 def triggers(dialect: str) -> Iterator[str]:
     """Yield the statements that make the triggers of solutions: no model says such a thing."""
-    numbers = _NUMBERS[dialect] + _WITH_COLUMNS
-    made, gone = _MAKE + numbers.format(row="NEW"), f"{_DELETE}({numbers.format(row='OLD')})"
+    made = insertion(dialect, "NEW")
+    gone = (
+        "DELETE FROM solution_numbers WHERE (name, value, solution_id) IN"
+        f" (SELECT key, {_VALUE[dialect]}, OLD.id FROM {_NUMBERS[dialect].format(row='OLD')}{_WITH_COLUMNS})"
+    )
     for name, when, statement in (("made", "INSERT", made), ("gone", "DELETE", gone)):
         trigger = f"CREATE TRIGGER solution_numbers_{name} AFTER {when} ON solutions"
         if dialect == "sqlite":

@@ -1,7 +1,7 @@
 """Backs up a database in use, and restores it; a backup is checked before it gets its name.
 
-SQLite is copied by its own backup interface, Postgres by pg_dump and
-pg_restore, so that no backup format of our own has to be trusted.
+SQLite is copied by its own backup interface, Postgres by pg_dump and pg_restore, so that no backup format of
+our own has to be trusted. What both do is written once, and what each does its own way is a class.
 """
 
 import contextlib
@@ -11,12 +11,11 @@ import shutil
 import sqlite3
 import subprocess
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from psycopg.conninfo import make_conninfo
 from sqlalchemy import Connection, Engine, Table, inspect, make_url, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, SQLAlchemyError
 from sqlalchemy.schema import AddConstraint, DropConstraint
@@ -29,7 +28,20 @@ from service.storage.database.sqlite_file import create_private
 from service.storage.tables.schema import METADATA
 from service.storage.upkeep.presence import GONE_SECONDS, forget_everybody, who_is_present
 
+BUSY_SECONDS = 30.0
+"""How long a restore of SQLite waits for a lock on the database."""
 NOT_OURS = "it is not a database of polhode, or has never been migrated"
+
+_SQLITE_TABLES = (
+    "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' ORDER BY name"
+)
+_POSTGRES_TABLES = "SELECT tablename FROM pg_tables WHERE schemaname = current_schema() ORDER BY tablename"
+_DUMPED_TABLE = re.compile(r"; \d+ \d+ TABLE \S+ (\S+) ")
+_PLAIN = ("--no-owner", "--no-privileges")
+"""Owners and rights are left to the server that the tables are restored on."""
+
+Ask = Callable[[str], Sequence[Sequence[object]]]
+"""Sends an SQL query to a database and returns the rows."""
 
 
 class BackupError(Exception):
@@ -53,11 +65,6 @@ class Contents:
         return f"schema {self.revision}, which this version cannot restore: {origin_of(self.revision)}"
 
 
-def refuse_jobs(jobs: int) -> None:
-    """Refuse a database that has jobs, so that none is overwritten by mistake."""
-    raise BackupError(f"the database has {jobs} jobs, which the backup would replace; --force does so")
-
-
 def back_up(url: str, file: Path, *, replace: bool = False) -> Contents:
     """Write a backup of the database to ``file``, and return its contents.
 
@@ -73,8 +80,7 @@ def back_up(url: str, file: Path, *, replace: bool = False) -> Contents:
     if file.exists() and not replace:
         raise BackupError(f"{file} exists already; another name, or --force")
     with _part_of(file) as part:
-        is_postgres = _is_postgres(url)
-        contents = _dump_postgres(url, part) if is_postgres else _copy_sqlite(_database_file(url), part)
+        contents = _database_of(url).copy(part)
         _sync(part)
         part.replace(file)
         _sync(file.parent)
@@ -87,24 +93,22 @@ def restore(url: str, file: Path, *, force: bool = False) -> Contents:
     Raises
     ------
     BackupError
-        The file is no backup or of a later version, a service or a worker uses
-        the database, or it has jobs and ``force`` is not given. The database is
-        as it was.
+        The file is no backup or of a later version, a service or a worker uses the database, or it has jobs
+        and ``force`` is not given. The database is as it was.
     """
     if file.is_dir():
         raise BackupError(f"{file}: it is a directory")
     if not file.is_file():
         raise BackupError(f"{file}: there is no such file")
-    revision = _postgres_revision(file) if _is_postgres(url) else _sqlite_revision(file)
+    database = _database_of(url)
+    revision = database.revision(file)
     if revision not in known_revisions():
         raise BackupError(
             f"{file} has the schema {revision}, which this version does not know: {origin_of(revision)}"
         )
-    _require_alone(url)
-    if _is_postgres(url):
-        contents = _load_postgres(url, file, force=force)
-    else:
-        contents = _load_sqlite(_database_file(url), file, force=force)
+    if database.exists:
+        _require_alone(url)
+    contents = database.load(file, force=force)
     migrate(url)
     engine = make_engine(url)
     with engine.begin() as connection:
@@ -115,8 +119,6 @@ def restore(url: str, file: Path, *, force: bool = False) -> Contents:
 
 def _require_alone(url: str) -> None:
     """Refuse to replace a database in use: later writes would be lost, or mixed with the backup."""
-    if not _is_postgres(url) and not _database_file(url).exists():
-        return
     engine = make_engine(url)
     try:
         with engine.connect() as connection:
@@ -132,20 +134,6 @@ def _require_alone(url: str) -> None:
             f"{' and '.join(present)} uses the database; stop the service and its workers first. Those that "
             f"were killed are forgotten {GONE_SECONDS:.0f} s later"
         )
-
-
-def _is_postgres(url: str) -> bool:
-    try:
-        return make_url(url).get_backend_name() == "postgresql"
-    except ArgumentError as fault:
-        raise BackupError(str(fault)) from fault
-
-
-def _database_file(url: str) -> Path:
-    name = make_url(url).database
-    if name is None or name == ":memory:":
-        raise BackupError("a database in memory has no backup")
-    return Path(name)
 
 
 @contextmanager
@@ -173,57 +161,84 @@ def _sync(path: Path) -> None:
         os.close(descriptor)
 
 
-BUSY_SECONDS = 30.0
-"""How long a restore waits for a lock on the database."""
-
-_SQLITE_TABLES = (
-    "SELECT name FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%' ORDER BY name"
-)
-
-
-def _copy_sqlite(database: Path, target: Path) -> Contents:
-    """Copy a database as it is at one instant to one file, and check the copy."""
-    with _opened_sqlite(database) as source, _opened_sqlite(target, create=True) as copied:
-        # In one step, hence one read transaction: later writes do not restart the copy.
-        source.execute("BEGIN")
-        contents = _sqlite_contents(source, database)
-        source.backup(copied)
-        copied.execute("PRAGMA journal_mode = DELETE")
-        _check_sqlite(copied, target)
-        if _sqlite_contents(copied, target) != contents:
-            raise BackupError(f"{target}: the copy has other numbers of rows than the database")
-    return contents
+def _contents(ask: Ask, tables: Sequence[str], where: object) -> Contents:
+    found = ask("SELECT version_num FROM alembic_version") if "alembic_version" in tables else []
+    if not found:
+        raise BackupError(f"{where}: {NOT_OURS}")
+    return Contents(str(found[0][0]), {name: _count(ask, name) for name in tables})
 
 
-def _sqlite_revision(file: Path) -> str:
-    """Return the schema of a backup, after an integrity check."""
-    with _opened_sqlite(file) as backup:
-        _check_sqlite(backup, file)
-        return _stored_revision(backup, file)
+def _count(ask: Ask, table: str) -> int:
+    return int(str(ask(f'SELECT count(*) FROM "{table}"')[0][0]))
 
 
-def _load_sqlite(database: Path, file: Path, *, force: bool) -> Contents:
-    """Make ``database`` a copy of ``file`` in one transaction; see :func:`restore`."""
-    with _opened_sqlite(file) as backup, _opened_sqlite(database, create=True) as target:
-        tables = [name for (name,) in target.execute(_SQLITE_TABLES)]
-        if not force:
-            if tables and "alembic_version" not in tables:
-                raise BackupError(f"{database}: {NOT_OURS}; --force replaces it")
-            if "jobs" in tables and (jobs := _sqlite_count(target, "jobs")):
-                refuse_jobs(jobs)
-        contents = _sqlite_contents(backup, file)
-        until = time.monotonic() + BUSY_SECONDS
+def _require_no_jobs(ask: Ask, tables: Sequence[str]) -> None:
+    """Refuse a database that has jobs, so that none is overwritten by mistake."""
+    if "jobs" in tables and (jobs := _count(ask, "jobs")):
+        raise BackupError(f"the database has {jobs} jobs, which the backup would replace; --force does so")
 
-        def give_up(status: int, remaining: int, total: int) -> None:
-            if status != sqlite3.SQLITE_DONE and time.monotonic() > until:
-                raise BackupError(f"{database}: others use it; stop the service and its workers first")
 
-        backup.backup(target, progress=give_up)
-    return contents
+def _database_of(url: str) -> "_Sqlite | _Postgres":
+    """Return a database by what its kind does its own way.
+
+    ``copy`` writes it as it is at one instant to a file, and reads that back; ``load`` puts a backup in its
+    place, all or nothing, with jobs only by ``force``; ``revision`` is the schema of a backup.
+    """
+    try:
+        parsed = make_url(url)
+    except ArgumentError as fault:
+        raise BackupError(str(fault)) from fault
+    if parsed.get_backend_name() == "postgresql":
+        return _Postgres(url)
+    if parsed.database is None or parsed.database == ":memory:":
+        raise BackupError("a database in memory has no backup")
+    return _Sqlite(Path(parsed.database))
+
+
+class _Sqlite:
+    """A file of SQLite, which is copied by SQLite's backup interface, while others read and write."""
+
+    def __init__(self, database: Path) -> None:
+        self._database, self.exists = database, database.exists()
+
+    def copy(self, target: Path) -> Contents:
+        with _opened(self._database) as source, _opened(target, create=True) as copied:
+            # In one step, hence one read transaction: later writes do not restart the copy.
+            source.execute("BEGIN")
+            contents = _contents_of(source, self._database)
+            source.backup(copied)
+            copied.execute("PRAGMA journal_mode = DELETE")
+            _check(copied, target)
+            if _contents_of(copied, target) != contents:
+                raise BackupError(f"{target}: the copy has other numbers of rows than the database")
+        return contents
+
+    def revision(self, file: Path) -> str:
+        with _opened(file) as backup:
+            _check(backup, file)
+            return _contents_of(backup, file).revision
+
+    def load(self, file: Path, *, force: bool) -> Contents:
+        with _opened(file) as backup, _opened(self._database, create=True) as target:
+            tables = _tables_of(target)
+            if not force:
+                if tables and "alembic_version" not in tables:
+                    raise BackupError(f"{self._database}: {NOT_OURS}; --force replaces it")
+                _require_no_jobs(_asking(target), tables)
+            contents = _contents_of(backup, file)
+            until = time.monotonic() + BUSY_SECONDS
+
+            def give_up(status: int, remaining: int, total: int) -> None:
+                if status != sqlite3.SQLITE_DONE and time.monotonic() > until:
+                    said = "others use it; stop the service and its workers first"
+                    raise BackupError(f"{self._database}: {said}")
+
+            backup.backup(target, progress=give_up)
+        return contents
 
 
 @contextmanager
-def _opened_sqlite(file: Path, *, create: bool = False) -> Iterator[sqlite3.Connection]:
+def _opened(file: Path, *, create: bool = False) -> Iterator[sqlite3.Connection]:
     try:
         if create:
             create_private(file)
@@ -234,7 +249,19 @@ def _opened_sqlite(file: Path, *, create: bool = False) -> Iterator[sqlite3.Conn
         raise BackupError(f"{file}: {fault}") from fault
 
 
-def _check_sqlite(database: sqlite3.Connection, file: Path) -> None:
+def _asking(database: sqlite3.Connection) -> Ask:
+    return lambda query: database.execute(query).fetchall()
+
+
+def _tables_of(database: sqlite3.Connection) -> list[str]:
+    return [str(name) for (name,) in database.execute(_SQLITE_TABLES)]
+
+
+def _contents_of(database: sqlite3.Connection, file: Path) -> Contents:
+    return _contents(_asking(database), _tables_of(database), file)
+
+
+def _check(database: sqlite3.Connection, file: Path) -> None:
     said = [line for (line,) in database.execute("PRAGMA integrity_check")]
     if said != ["ok"]:
         raise BackupError(f"{file} is damaged: {said[0]}")
@@ -245,56 +272,68 @@ def _check_sqlite(database: sqlite3.Connection, file: Path) -> None:
         )
 
 
-def _sqlite_contents(database: sqlite3.Connection, file: Path) -> Contents:
-    names = [name for (name,) in database.execute(_SQLITE_TABLES)]
-    return Contents(_stored_revision(database, file), {name: _sqlite_count(database, name) for name in names})
+class _Postgres:
+    """A database of Postgres, which pg_dump copies in its custom format and pg_restore restores."""
 
+    exists = True
 
-def _stored_revision(database: sqlite3.Connection, file: Path) -> str:
-    try:
-        row = database.execute("SELECT version_num FROM alembic_version").fetchone()
-    except sqlite3.OperationalError as fault:
-        raise BackupError(f"{file}: {NOT_OURS}") from fault
-    if row is None:
-        raise BackupError(f"{file}: {NOT_OURS}")
-    return str(row[0])
+    def __init__(self, url: str) -> None:
+        self._url = url
 
-
-def _sqlite_count(database: sqlite3.Connection, table: str) -> int:
-    return int(database.execute(f'SELECT count(*) FROM "{table}"').fetchone()[0])
-
-
-_DUMPED_TABLE = re.compile(r"; \d+ \d+ TABLE \S+ (\S+) ")
-_PLAIN = ("--no-owner", "--no-privileges")
-"""Owners and rights are left to the server that the tables are restored on."""
-
-
-def _dump_postgres(url: str, target: Path) -> Contents:
-    """Dump a database as it is at one instant, and read the archive back."""
-    engine = make_engine(url).execution_options(isolation_level="REPEATABLE READ")
-    try:
-        with engine.connect() as connection:
+    def copy(self, target: Path) -> Contents:
+        repeatable = _connecting(self._url, isolation_level="REPEATABLE READ")
+        with repeatable as engine, engine.connect() as connection:
             # The counts and the dump see the same instant.
             snapshot = connection.scalar(text("SELECT pg_export_snapshot()"))
-            contents = _postgres_contents(connection)
+            contents = _contents_at(connection)
             options = [f"--snapshot={snapshot}", f"--file={target}", "--format=custom", *_PLAIN]
-            _run("pg_dump", url, *options)
+            _run("pg_dump", self._url, *options)
+        _run("pg_restore", None, f"--file={os.devnull}", str(target))
+        return contents
+
+    def revision(self, file: Path) -> str:
+        script = _run("pg_restore", None, "--data-only", "--table=alembic_version", "--file=-", str(file))
+        _, found, rows = script.partition("COPY public.alembic_version")
+        lines = rows.splitlines()
+        if not found or len(lines) < 2:
+            raise BackupError(f"{file}: {NOT_OURS}")
+        return lines[1].strip()
+
+    def load(self, file: Path, *, force: bool) -> Contents:
+        dumped = set(_DUMPED_TABLE.findall(_run("pg_restore", None, "--list", str(file))))
+        with _connecting(self._url) as engine:
+            if not force:
+                with engine.connect() as connection:
+                    ask = _asking_at(connection)
+                    _require_no_jobs(ask, [str(name) for (name,) in ask(_POSTGRES_TABLES)])
+            # Tables of a later version would block the migrations, and their foreign keys the restoring.
+            later = [table for table in METADATA.sorted_tables if table.name not in dumped]
+            with _unreferring(engine, later):
+                options = ["--clean", "--if-exists", "--single-transaction", *_PLAIN]
+                _run("pg_restore", self._url, *options, str(file))
+            with engine.begin() as connection:
+                METADATA.drop_all(connection, tables=later)
+                return _contents_at(connection)
+
+
+@contextmanager
+def _connecting(url: str, **options: str) -> Iterator[Engine]:
+    engine = make_engine(url)
+    try:
+        yield engine.execution_options(**options)
     except SQLAlchemyError as fault:
         raise BackupError(str(getattr(fault, "orig", None) or fault).splitlines()[0]) from fault
     finally:
         engine.dispose()
-    _run("pg_restore", None, f"--file={os.devnull}", str(target))
-    return contents
 
 
-def _postgres_revision(file: Path) -> str:
-    """Return the schema of a backup."""
-    script = _run("pg_restore", None, "--data-only", "--table=alembic_version", "--file=-", str(file))
-    _, found, rows = script.partition("COPY public.alembic_version")
-    lines = rows.splitlines()
-    if not found or len(lines) < 2:
-        raise BackupError(f"{file}: {NOT_OURS}")
-    return lines[1].strip()
+def _asking_at(connection: Connection) -> Ask:
+    return lambda query: connection.execute(text(query)).all()
+
+
+def _contents_at(connection: Connection) -> Contents:
+    ask = _asking_at(connection)
+    return _contents(ask, [str(name) for (name,) in ask(_POSTGRES_TABLES)], "the database")
 
 
 @contextmanager
@@ -314,41 +353,6 @@ def _unreferring(engine: Engine, tables: Sequence[Table]) -> Iterator[None]:
         raise
 
 
-def _load_postgres(url: str, file: Path, *, force: bool) -> Contents:
-    """Replace the tables by those of ``file``; see :func:`restore`."""
-    dumped = set(_DUMPED_TABLE.findall(_run("pg_restore", None, "--list", str(file))))
-    engine = make_engine(url)
-    try:
-        with engine.connect() as connection:
-            tables = inspect(connection).get_table_names()
-            jobs = _postgres_count(connection, "jobs") if "jobs" in tables else 0
-        if jobs and not force:
-            refuse_jobs(jobs)
-        # Tables of a later version would block the migrations, and their foreign keys the restoring.
-        later = [table for table in METADATA.sorted_tables if table.name not in dumped]
-        with _unreferring(engine, later):
-            _run("pg_restore", url, "--clean", "--if-exists", "--single-transaction", *_PLAIN, str(file))
-        with engine.begin() as connection:
-            METADATA.drop_all(connection, tables=later)
-            return _postgres_contents(connection)
-    except SQLAlchemyError as fault:
-        raise BackupError(str(getattr(fault, "orig", None) or fault).splitlines()[0]) from fault
-    finally:
-        engine.dispose()
-
-
-def _postgres_contents(connection: Connection) -> Contents:
-    names = sorted(inspect(connection).get_table_names())
-    if "alembic_version" not in names:
-        raise BackupError(f"the database: {NOT_OURS}")
-    revision = connection.scalar(text("SELECT version_num FROM alembic_version"))
-    return Contents(str(revision), {name: _postgres_count(connection, name) for name in names})
-
-
-def _postgres_count(connection: Connection, table: str) -> int:
-    return int(connection.scalar(text(f'SELECT count(*) FROM "{table}"')) or 0)
-
-
 def _run(program: str, url: str | None, *arguments: str) -> str:
     """Run a client program of Postgres; passwords go in the environment, hidden from other users."""
     path = shutil.which(program)
@@ -357,16 +361,19 @@ def _run(program: str, url: str | None, *arguments: str) -> str:
             f"{program} is not on PATH; it comes with the client programs of Postgres, "
             "at least as new as the server"
         )
-    environment = dict(os.environ)
+    environment, options = dict(os.environ), list[str]()
     if url is not None:
+        # Not at the top: it loads the driver.
+        from psycopg.conninfo import make_conninfo  # noqa: PLC0415
+
         asked = make_url(url)
         _, given = asked.get_dialect()().create_connect_args(asked)
         password = given.pop("password", None)
         if password is not None:
             environment["PGPASSWORD"] = str(password)
-        arguments = (f"--dbname={make_conninfo(**given)}", *arguments)
+        options = ["--no-password", f"--dbname={make_conninfo(**given)}"]
     done = subprocess.run(
-        [path, "--no-password", *arguments] if url is not None else [path, *arguments],
+        [path, *options, *arguments],
         env=environment,
         stdin=subprocess.DEVNULL,
         capture_output=True,

@@ -215,8 +215,8 @@ def _oldest_queued(session: Session, now: float) -> float:
 
 
 def _kernels_missing(session: Session, since: float) -> int:
-    told = session.scalars(select(WorkerRow.kernels).where(WorkerRow.seen_at >= since)).all()
-    most = most_missing(Kernels.read(each) for each in told if each is not None)
+    stored = session.scalars(select(WorkerRow.kernels).where(WorkerRow.seen_at >= since)).all()
+    most = most_missing(Kernels.read(each) for each in stored if each is not None)
     return 0 if most is None else most.of - most.done
 
 

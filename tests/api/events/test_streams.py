@@ -6,7 +6,7 @@ import threading
 import pytest
 
 from service.api.events import watcher
-from service.api.events.poller import Lookout, Told, id_of_position, position_of_id
+from service.api.events.poller import ChangePoller, Event, id_of_position, position_of_id
 from service.api.events.watcher import RecentEvents
 from service.api.routes import events as routes
 from service.app import create_app
@@ -44,7 +44,7 @@ def test_a_stream_is_never_compressed_or_kept_and_tells_at_once_that_it_is_open(
                 assert stream.headers["content-type"] == "text/event-stream; charset=utf-8"
                 assert stream.headers["cache-control"] == "no-store"
                 assert {"etag", "content-encoding", "content-length"}.isdisjoint(stream.headers)
-                # Before anything was looked at.
+                # Before anything was read.
                 assert stream._parts.get_nowait() == b": polhode\nretry: 2000\n\n"
 
     run(live)
@@ -104,7 +104,7 @@ def test_a_deleted_job_ends_its_stream(app, jobs):
             job = await submit(jobs)
             async with Stream(app, f"/v1/jobs/{job.id}/events") as stream:
                 assert (await stream.next()).name == "job"
-                app.state.resources.events._lookout._changes.of = lambda kind, ids: {}
+                app.state.resources.events._poller._changes.of = lambda kind, ids: {}
                 (end,) = await stream.rest()
                 assert (end.name, end.document) == ("end", {"reason": "deleted"})
 
@@ -119,22 +119,22 @@ def test_ids_are_good_in_another_process_and_tell_only_what_is_new(app, jobs, ve
                 while (event := await stream.next()).name != "job":
                     pass
         new = [await submit(jobs, f"new {k}") for k in range(5)]
-        # All transactions have ended: what is older need not be told again.
+        # All transactions have ended: what is older need not be sent again.
         monkeypatch.setattr(watcher, "SETTLED_SECONDS", 0.0)
         async with (
             started(make_app(url, verdicts)) as other,
             Stream(other, "/v1/events", last_id=event.id) as stream,
         ):
             assert (await stream.next()).name == "status"
-            told = [(await stream.next()).document["id"] for _ in new]
-        assert old.id not in told
-        assert told == [job.id for job in new]
+            sent = [(await stream.next()).document["id"] for _ in new]
+        assert old.id not in sent
+        assert sent == [job.id for job in new]
 
     run(live)
 
 
 def test_a_slow_reader_gets_the_latest_state_and_no_backlog(app, jobs, monkeypatch):
-    monkeypatch.setattr(watcher, "LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(watcher, "POLL_SECONDS", 0.01)
 
     async def live():
         async with started(app):
@@ -148,18 +148,18 @@ def test_a_slow_reader_gets_the_latest_state_and_no_backlog(app, jobs, monkeypat
                     await asyncio.sleep(0.1)
                 await asyncio.to_thread(jobs.cancel, job.id)
                 await asyncio.sleep(0.3)
-                told = await stream.rest()
+                sent = await stream.rest()
             # One state may have been on its way when the client stopped to read.
-            assert [event.name for event in told][-2:] == ["job", "end"]
-            assert len(told) <= 3
-            assert told[-2].document["state"] == "cancelled"
+            assert [event.name for event in sent][-2:] == ["job", "end"]
+            assert len(sent) <= 3
+            assert sent[-2].document["state"] == "cancelled"
 
     run(live)
 
 
 def test_a_reader_of_the_installation_that_is_far_behind_misses_no_final_state(app, jobs, monkeypatch):
     """More changes than are kept: they are read from the database, in their present states."""
-    monkeypatch.setattr(watcher, "LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(watcher, "POLL_SECONDS", 0.01)
     monkeypatch.setattr(watcher, "PAGE", 3)
 
     async def live():
@@ -184,32 +184,32 @@ def test_a_reader_of_the_installation_that_is_far_behind_misses_no_final_state(a
 
 
 def test_a_stream_does_not_go_back_to_a_state_that_a_look_had_read_before(app, jobs, monkeypatch):
-    looks_on, has_read, may_pass = threading.Event(), threading.Event(), threading.Event()
-    look_around, page = Lookout.look_around, Lookout.page
+    has_polled, has_read, may_pass = threading.Event(), threading.Event(), threading.Event()
+    poll, page = ChangePoller.poll, ChangePoller.page
     late = []
 
-    def slow_look(lookout):
-        seen = look_around(lookout)
-        if looks_on.is_set() and seen.told and not has_read.is_set():
+    def slow_poll(poller):
+        seen = poll(poller)
+        if has_polled.is_set() and seen.events and not has_read.is_set():
             has_read.set()
             assert may_pass.wait(60.0)
         return seen
 
-    def late_page(lookout, after, limit):
+    def late_page(poller, after, limit):
         if not late:
-            looks_on.set()
+            has_polled.set()
             late.append(jobs.submit(STATE, "digest of the late one").id)
             assert has_read.wait(60.0)
             jobs.cancel(late[0])
         try:
-            return page(lookout, after, limit)
+            return page(poller, after, limit)
         finally:
             may_pass.set()
 
-    monkeypatch.setattr(watcher, "LOOK_SECONDS", 0.01)
+    monkeypatch.setattr(watcher, "POLL_SECONDS", 0.01)
     monkeypatch.setattr(watcher, "GAP_SECONDS", 0.001)
-    monkeypatch.setattr(Lookout, "look_around", slow_look)
-    monkeypatch.setattr(Lookout, "page", late_page)
+    monkeypatch.setattr(ChangePoller, "poll", slow_poll)
+    monkeypatch.setattr(ChangePoller, "page", late_page)
 
     async def live():
         async with started(app), Stream(app, "/v1/events") as stream:
@@ -229,9 +229,9 @@ def test_a_stream_does_not_go_back_to_a_state_that_a_look_had_read_before(app, j
 def test_recent_events_are_bounded_in_number_and_in_bytes():
     recent = RecentEvents(most_events=3, most_bytes=100)
     for k in range(5):
-        recent.add(Told("job", float(k), b"x" * 10))
+        recent.add(Event("job", float(k), b"x" * 10))
     assert [recent.at(k) and recent.at(k).at for k in range(5)] == [None, None, 2.0, 3.0, 4.0]
-    recent.add(Told("sweep", 5.0, b"x" * 85))
+    recent.add(Event("sweep", 5.0, b"x" * 85))
     assert [recent.at(k) is None for k in range(6)] == [True] * 4 + [False] * 2
     recent.skip()
     assert (recent.at(5), recent.at(6), recent.end) == (None, None, 7)
@@ -248,8 +248,8 @@ def test_streams_are_limited_and_take_no_thread(url, verdicts, jobs):
                 streams = [Stream(app, path if k % 2 else "/v1/events") for k in range(39)]
                 for each in streams:
                     await each.__aenter__()
-                told = [await each.next() for each in streams]
-                assert {event.name for event in told} == {"job", "status"}
+                sent = [await each.next() for each in streams]
+                assert {event.name for event in sent} == {"job", "status"}
                 # The reader of pages is the only new one, and those of the first requests.
                 assert threading.active_count() <= before + 5
                 async with Stream(app, path) as refused:
@@ -270,16 +270,16 @@ def test_streams_end_when_the_service_stops(app, jobs, template):
             path = template.format((await submit(jobs)).id)
             async with Stream(app, path) as stream:
                 await stream.next()
-                app.state.resources.doorbell.close()
+                app.state.resources.wake_up.close()
                 names = [event.name for event in await stream.rest()]
-        # The end of a job is told when the job has ended: its stream only breaks off.
+        # The end of a job is sent when the job has ended: its stream only breaks off.
         assert names[-1:] == (["end"] if path == "/v1/events" else [])
 
     run(live)
 
 
 def test_a_message_of_a_worker_is_told_at_once(app, jobs, monkeypatch):
-    monkeypatch.setattr(watcher, "LOOK_SECONDS", 3600.0)
+    monkeypatch.setattr(watcher, "POLL_SECONDS", 3600.0)
 
     async def live():
         async with started(app):
@@ -287,7 +287,7 @@ def test_a_message_of_a_worker_is_told_at_once(app, jobs, monkeypatch):
             async with Stream(app, f"/v1/jobs/{job.id}/events") as stream:
                 await stream.next()
                 await asyncio.to_thread(jobs.cancel, job.id)
-                app.state.resources.doorbell.announce(job.id)
+                app.state.resources.wake_up.announce(job.id)
                 assert [event.name for event in await stream.rest()] == ["job", "end"]
 
     run(live)

@@ -162,7 +162,7 @@ def test_equal_potentials_are_judged_once(monkeypatch):
     # Two verdicts, and the windows of three curves.
     assert len(reply["found"]) == 5
     judged.clear()
-    again = json.loads(examination.examine_problems(json.dumps({**asked, "kept": reply["found"]})))
+    again = json.loads(examination.examine_problems(json.dumps({**asked, "cached": reply["found"]})))
     assert (again["answers"], again["found"]) == (alone, {})
     assert len(again["seconds"]) == len(problems)
     assert judged == []

@@ -5,6 +5,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import pytest
 
+from service.api.queries import lists
 from tests.support.api import PLANAR, STATE, SUMMARY, finish
 from tests.support.sweeps import AXES, SWEEP, finish_sweep
 
@@ -147,6 +148,14 @@ def test_the_total_is_counted_where_it_is_asked_for(client, made):
     cursor = client.get("/v1/jobs?limit=2").json()["next"].partition("?")[2]
     assert total(cursor) is None
     assert total(f"{cursor}&count=exact") == 6
+
+
+def test_of_very_many_the_total_is_counted_only_if_it_is_asked_for(client, made, monkeypatch):
+    for limit, told in ((6, 6), (5, None)):
+        monkeypatch.setattr(lists, "COUNTED_AT_ONCE", limit)
+        assert client.get("/v1/jobs").json()["total"] == told
+        assert client.get("/v1/jobs?state=queued").json()["total"] == 1
+        assert client.get("/v1/jobs?count=exact").json()["total"] == 6
 
 
 def refused(response):

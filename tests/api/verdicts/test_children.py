@@ -5,7 +5,8 @@ import json
 import pytest
 
 from service.dynamics.verdict.verdict import NumericEvidence, Verdict
-from service.verdicts.examination import examine_problem
+from service.schemas.problem.problem import read_problem
+from service.verdicts.examination import examine_document, examine_problem
 from tests.support.api import PLANAR
 
 pytestmark = pytest.mark.any_database
@@ -126,7 +127,7 @@ def test_what_nothing_is_known_of_is_refused_with_the_evidence(monkeypatch):
     }
 
 
-def test_the_child_refuses_what_is_no_problem_with_every_fault():
-    error = json.loads(examine_problem("{}"))["error"]
+def test_what_nobody_has_validated_is_refused_with_every_fault_by_who_does():
+    error = examine_document({}, read=read_problem).answer["error"]
     assert error["code"] == "invalid_problem"
     assert {"/body", "/potential", "/motion", "/time"} <= {fault["pointer"] for fault in error["faults"]}

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from service.schemas.problem import problem as module
 from service.schemas.problem.problem import check_problem, problem_digest, read_problem
 from tests.support.canonical import canonical_document
+from tests.support.problem_documents import problems
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 PROBLEM = {
@@ -21,77 +22,7 @@ PROBLEM = {
     "time": {"stop": 10, "samples": 101},
 }
 
-numbers = st.fractions(min_value=Fraction(1, 1000), max_value=1000, max_denominator=1000)
 decimals = st.integers(1, 10**6).map(lambda n: Fraction(n, 1000))
-signs = st.sampled_from([-1, 1])
-potentials = st.one_of(
-    st.fixed_dictionaries({"type": st.just("gravity")}, optional={name: numbers.map(str) for name in "abc"}),
-    st.fixed_dictionaries(
-        {"type": st.just("rational")},
-        optional={name: st.lists(numbers.map(str), max_size=4) for name in "abc"},
-    ),
-    st.fixed_dictionaries(
-        {
-            "type": st.just("expression"),
-            "expression": st.sampled_from(["k*g1", "(k)*(g1)", "g1**2 - k/(g3^2)", "sqrt(A)*sin(g2)+k"]),
-            "parameters": st.fixed_dictionaries({"k": numbers.map(str)}),
-        }
-    ),
-)
-families = st.one_of(
-    potentials,
-    st.fixed_dictionaries(
-        {"type": st.just("homogeneous")},
-        # For A = 2C: B_3 has no value, log_1 and log_3 are there.
-        optional={name: st.lists(numbers.map(str), max_size=3) for name in "ABC"}
-        | {"log": st.tuples(st.just("0"), numbers.map(str)).map(list)},
-    ),
-    st.fixed_dictionaries(
-        {
-            "type": st.just("general"),
-            "F": st.sampled_from(["k*w", "(k)*(w)", "exp(-w)", "w**2/A"]),
-            "parameters": st.fixed_dictionaries({"k": numbers.map(str)}),
-        },
-        optional={
-            "G": st.sampled_from(["g2^2", "k + g2", "0"]),
-            "reference_angle": st.sampled_from(["pi/4", "pi / 3", 0.5, "0.5", "1/2", 1]),
-        },
-    ),
-)
-starts = st.one_of(
-    st.none(),
-    st.fixed_dictionaries({"at": st.just("equator")}, optional={"s_sign": signs}),
-    st.fixed_dictionaries({"at": st.just("rest")}, optional={"g2_sign": signs}),
-    st.fixed_dictionaries({"g1": numbers.map(str)}, optional={"g2_sign": signs, "s_sign": signs}),
-)
-motions = st.one_of(
-    st.fixed_dictionaries(
-        {"type": st.just("planar"), "lambda": numbers.map(str)},
-        optional={"g1_sign": signs, "g3_sign": signs, "window": st.integers(0, 5), "start": starts},
-    ),
-    st.fixed_dictionaries(
-        {"type": st.just("planar"), "nu": numbers.map(str)}, optional={"g3_sign": signs, "start": starts}
-    ),
-    st.fixed_dictionaries(
-        {
-            "type": st.just("state"),
-            "omega": st.lists(numbers.map(str), min_size=3, max_size=3),
-            "gamma": st.sampled_from([["3/5", 0, "4/5"], [0, -1, 0], ["2/7", "3/7", "-6/7"]]),
-        }
-    ),
-)
-times = st.one_of(
-    st.fixed_dictionaries({"stop": numbers.map(str), "samples": st.integers(1, 9)}),
-    st.fixed_dictionaries({"times": st.lists(numbers.map(str), min_size=1, max_size=5)}),
-)
-problems = st.fixed_dictionaries(
-    {"body": st.just({"A": 2, "B": 2, "C": 1}), "potential": families, "motion": motions, "time": times},
-    optional={
-        "accuracy": st.one_of(st.just({"tier": "standard"}), st.just({"tolerance": "1e-9"})),
-        "method": st.just("auto"),
-        "outputs": st.lists(st.sampled_from(["gamma", "omega", "invariants"]), min_size=1, max_size=5),
-    },
-)
 
 
 @given(problems)

@@ -10,13 +10,14 @@ from typer.testing import CliRunner
 
 from service.app import create_app
 from service.cli.commands import app
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.settings import Settings
 from service.storage.database.database import make_engine
 from service.storage.database.migration import migrate
 from service.storage.database.revisions import UnknownRevisionError, newest_revision
 from tests.support.api import TestClient
-from workers.cli.main import main as run_workers
+from tests.support.commands import polhode
+from workers.cli.main import run
 
 POLHODE = Path(sys.executable).with_name("polhode")
 
@@ -64,10 +65,9 @@ def test_a_worker_refuses_it_in_one_line(newer_url, is_alone, capsys, monkeypatc
     # A worker chooses one thread for its process; later tests here, and their children, keep what they had.
     monkeypatch.setattr("workers.process.start.use_one_thread", lambda: None)
     monkeypatch.setattr("workers.cli.main.start_logging", lambda *_: None)
-    bell = Doorbell()
-    line = [] if is_alone else ["--wake-fd", str(bell.new_line().detach())]
-    assert run_workers(["run", *line]) == 1
-    bell.close()
+    wake_up = WakeUpSocket()
+    assert run(wake_fd=None if is_alone else wake_up.new_socket().detach()) == 1
+    wake_up.close()
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert_said(said)
@@ -82,7 +82,7 @@ def test_serve_refuses_it_in_one_line(newer_url, tmp_path):
 
 
 def test_the_doctor_says_whose_it_is_and_mends_nothing(newer_url, capsys):
-    assert run_workers(["doctor", "--fix"]) == 1
+    assert polhode("doctor", "--fix") == 1
     said = capsys.readouterr()
     assert_said(said.out)
     assert "polhode migrate" not in said.out

@@ -7,7 +7,7 @@ from service.local.worker_process import OtherHostError, WorkerProcess, new_work
 from service.storage.jobs.worker_registry import FORGOTTEN_SECONDS, WorkerRegistry
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import WorkerRow
-from workers.cli.main import main
+from tests.support.commands import polhode
 
 LEASE = 10.0
 
@@ -48,7 +48,7 @@ def test_workers_of_one_host_work_together(registry, database):
 def test_beside_a_living_worker_of_another_host_a_local_one_does_not_start(registry, database):
     registry.enter(worker("there", "other"), alone=False)
     let_pass(database, 2.5 * LEASE)
-    with pytest.raises(OtherHostError, match=r"there works .* POLHODE_ENGINE=procrastinate"):
+    with pytest.raises(OtherHostError, match=r"there works .* POLHODE_ENGINE=postgres"):
         registry.enter(worker(), alone=True)
     assert names(database) == {"other"}
     registry.enter(worker(), alone=False)
@@ -67,7 +67,7 @@ def test_the_silent_are_taken_to_be_gone_and_the_long_silent_forgotten(registry,
 def test_a_refused_worker_ends_with_1_and_the_reason(registry, url, monkeypatch, capsys):
     registry.enter(worker("there", "other"), alone=False)
     monkeypatch.setenv("POLHODE_HOST_NAME", "here")
-    assert main(["run", "--database-url", url]) == 1
+    assert polhode("worker", "--database-url", url) == 1
     assert "there works on this database" in capsys.readouterr().err
 
 

@@ -95,7 +95,7 @@ def test_columns_are_the_values_that_conditions_compare(database, found):
 @pytest.mark.parametrize("few", [0, 2, 1000])
 def test_a_page_does_not_depend_on_how_its_rows_are_found(database, monkeypatch, few):
     """Few rows that meet a condition are found by their ids, many in the order of the page."""
-    monkeypatch.setattr(narrowing, "FEW", few)
+    monkeypatch.setattr(narrowing, "MANY", few)
     problem = {"motion": {"lambda": 1}}
     found = [
         ({**problem, "body": {"A": n % 3}}, {"period": {"value": float(n)}, "energy": {"value": n % 4 * 1.0}})
@@ -120,7 +120,7 @@ def test_a_page_does_not_depend_on_how_its_rows_are_found(database, monkeypatch,
 def test_pages_in_the_order_of_time_are_read_from_the_index_of_labels(
     database, monkeypatch, few, is_descending, where
 ):
-    monkeypatch.setattr(narrowing, "FEW", few)
+    monkeypatch.setattr(narrowing, "MANY", few)
     found = [
         ({}, {**EMPTY, "energy": {"value": n % 2 * 1.0}},
          {"project": "thesis" if n % 3 else "other", **({"run": str(n % 4)} if n % 5 else {})})

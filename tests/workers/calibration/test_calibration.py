@@ -22,6 +22,7 @@ from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.storage.solutions.solution_store import SolutionStore
+from tests.support.commands import polhode
 from tests.support.databases import url_of
 from workers.calibration import measurement
 from workers.calibration.measurement import (
@@ -42,7 +43,6 @@ from workers.calibration.reference import (
     samples_of,
 )
 from workers.cli.calibrate import describe
-from workers.cli.main import main
 from workers.computation.compute import solve_document
 
 PENDULUM = CASES[0]
@@ -171,7 +171,7 @@ def settled(tmp_path, monkeypatch):
 
 def test_a_failed_calibration_stores_nothing(settled, wrong_reference, monkeypatch, capsys):
     monkeypatch.setattr("workers.cli.calibrate.QUICK", ONE)
-    assert main(["calibrate", "--quick"]) == 1
+    assert polhode("calibrate", "--quick") == 1
     out, err = capsys.readouterr()
     assert out == ""
     assert err.startswith("nothing is stored: ")
@@ -185,13 +185,13 @@ def test_nothing_is_measured_before_kernels_are_there(settled, monkeypatch):
     monkeypatch.setattr("workers.cli.calibrate.way_for", lambda *_: "plain")
     monkeypatch.setattr("workers.cli.calibrate.compile_solvers", lambda: compiled.append(True) or 1)
     monkeypatch.setattr("workers.cli.calibrate.whole_jobs", None)
-    assert main(["calibrate", "--quick"]) == 1
+    assert polhode("calibrate", "--quick") == 1
     assert compiled == [True]
 
 
 def test_what_was_measured_is_stored_and_printed_for_programs(settled, monkeypatch, capsys):
     monkeypatch.setattr("workers.cli.calibrate.QUICK", ONE)
-    assert main(["calibrate", "--quick", "--json"]) == 0
+    assert polhode("calibrate", "--quick", "--json") == 0
     table = json.loads(capsys.readouterr().out)
     assert (table["source"], bool(table["rows"])) == ("measured", True)
     database = Database(settled)
@@ -209,12 +209,12 @@ def test_a_quick_calibration_measures_less():
 
 def test_a_bar_is_drawn_for_people_only(settled, monkeypatch, capsys):
     monkeypatch.setattr("workers.cli.calibrate.QUICK", ONE)
-    assert main(["calibrate", "--quick"]) == 0
+    assert polhode("calibrate", "--quick") == 0
     assert capsys.readouterr().err == ""
     monkeypatch.setattr(
         "workers.cli.calibrate.Console", lambda stderr: Console(stderr=stderr, force_terminal=True)
     )
-    assert main(["calibrate", "--quick"]) == 0
+    assert polhode("calibrate", "--quick") == 0
     assert "pole to equator" in capsys.readouterr().err
 
 

@@ -132,7 +132,7 @@ def test_it_does_not_begin_where_memory_is_short_and_says_so(tmp_path, monkeypat
 def test_a_task_that_is_killed_is_started_again_some_times(tmp_path, monkeypatch, deaths):
     log = tmp_path / "log"
     command = [sys.executable, "-c", DYING, str(log), str(deaths)]
-    monkeypatch.setattr(compiling, "worker_command", lambda *_: command)
+    monkeypatch.setattr(compiling, "worker_command", lambda *_, **__: command)
     of_worker = Compiling(lambda: None)
     fault = of_worker.run(lambda: False)
     # Its second process, which holds its pipes, has not outlived it: else this would have waited.

@@ -21,12 +21,11 @@ from service.storage.jobs.job_store import SqlJobStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.api import PLANAR, STATE
+from tests.support.commands import polhode
 from tests.workers.chores import do_chunk
-from workers.cli.doctor import COLLISIONS, check_windows
-from workers.cli.main import main
+from workers.cli.doctor import COLLISIONS, check_windows, repeat_solutions
 from workers.computation.audit import Sameness
 from workers.computation.compute import solve_document
-from workers.computation.reproduction import repeat_solutions
 
 pytestmark = pytest.mark.any_database
 
@@ -232,7 +231,7 @@ def doctor(sqlite_url, monkeypatch, capsys):
     monkeypatch.setenv("POLHODE_DATABASE_URL", sqlite_url)
 
     def run(*options):
-        code = main(["doctor", "--sample", "0", *options])
+        code = polhode("doctor", "--sample", "0", *options)
         return code, capsys.readouterr().out
 
     return run
@@ -258,7 +257,7 @@ def test_the_command_says_what_is_wrong_and_mends_it(doctor, sqlite_url):
 
 def test_a_database_that_cannot_be_read_is_a_failure_with_a_reason(doctor, monkeypatch, capsys):
     monkeypatch.setenv("POLHODE_DATABASE_URL", "sqlite:////missing/folder/x.db")
-    assert main(["doctor"]) == 1
+    assert polhode("doctor") == 1
     said = "the database cannot be checked: the file of the database cannot be opened"
     assert capsys.readouterr().err.startswith(said)
 

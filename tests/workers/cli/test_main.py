@@ -1,39 +1,50 @@
 """The worker's own command line."""
 
+import os
 import signal
 import subprocess
-import sys
 
 import pytest
 
+from service.local.worker_process import worker_command
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
+from tests.support.commands import polhode
 from tests.support.databases import url_of
 from tests.workers.processes import ROOT, wait_until
 from workers.cli.main import main
 
 
-@pytest.mark.parametrize("arguments", [[], ["walk"], ["run", "--slots", "0"], ["run", "--slots", "many"]])
-def test_wrong_usage_ends_with_2(arguments, capsys):
+@pytest.mark.parametrize("arguments", [[], ["walk"], ["--help"]])
+def test_wrong_usage_ends_with_2_and_tells_the_commands(arguments, capsys):
     assert main(arguments) == 2
+    assert "run, solve, atlas, sweep, compile, calibrate, doctor" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("slots", ["0", "many"])
+def test_a_number_of_slots_that_cannot_be_is_refused(slots, capsys):
+    assert polhode("worker", "--slots", slots) == 2
     assert "Usage" in capsys.readouterr().err
 
 
 def test_impossible_settings_end_with_2_and_the_reason(monkeypatch, capsys):
     monkeypatch.setenv("POLHODE_LEASE_SECONDS", "0")
-    assert main(["run"]) == 2
+    assert polhode("worker") == 2
     assert "lease_seconds" in capsys.readouterr().err
 
 
 def test_compiling_says_that_the_solvers_are_ready(capsys):
-    assert main(["compile"]) == 0
+    assert polhode("compile") == 0
     assert "ready" in capsys.readouterr().out
 
 
 def test_a_worker_alone_makes_its_database_computes_and_stops(tmp_path):
     file = tmp_path / "new.db"
-    command = [sys.executable, "-m", "workers", "run", "--slots", "1", "--database-url", url_of(file)]
-    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) as worker:
+    command, environment = (
+        worker_command("run", slots=1),
+        {**os.environ, "POLHODE_DATABASE_URL": url_of(file)},
+    )
+    with subprocess.Popen(command, cwd=ROOT, env=environment, stderr=subprocess.DEVNULL) as worker:
         try:
             wait_until(lambda: (tmp_path / "new.db-wal").exists() and file.stat().st_size > 4096)
             database = Database(url_of(file))

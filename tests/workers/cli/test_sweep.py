@@ -12,8 +12,8 @@ import pytest
 from pyarrow import csv, ipc, parquet
 
 from service.schemas.sweep.reading import read_sweep
+from tests.support.commands import polhode
 from tests.workers.processes import wait_until
-from workers.cli.main import main
 from workers.computation.compute import solve_document
 
 POLHODE = Path(sys.executable).with_name("polhode")
@@ -53,7 +53,7 @@ def run(monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(tmp_path)
 
     def command(*arguments: object) -> tuple[int, str, str]:
-        code = main(["sweep", *map(str, arguments)])
+        code = polhode("sweep", *arguments)
         captured = capsys.readouterr()
         return code, captured.out, captured.err
 

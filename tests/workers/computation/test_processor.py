@@ -15,10 +15,10 @@ from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import STATE
 from tests.support.other_processor import environment, masks
+from workers.cli.doctor import repeat_solutions
 from workers.computation import compiled_code as processor
 from workers.computation.audit import Sameness
 from workers.computation.compute import solve_document
-from workers.computation.reproduction import repeat_solutions
 from workers.computation.summary import provenance
 
 ROOT = Path(__file__).parents[2]

@@ -18,7 +18,7 @@ from service.schemas.problem.problem import check_problem, problem_digest, read_
 from service.storage.codecs.packing import SOLVED, decode_arrays, decode_dense, decode_points
 from tests.support.effort import seldom
 from tests.support.golden import GOLDEN
-from workers.computation import compute, promises
+from workers.computation import compute, outputs
 from workers.computation.compute import solve, solve_document
 from workers.solvers.units import Units, speed_of
 from workers.sweeping import chunk
@@ -240,9 +240,9 @@ def test_the_speed_is_about_the_largest_angular_velocity():
 @pytest.mark.parametrize("accuracy", [RELATIVE, {"tier": "certified"}])
 def test_compiled_code_is_kept_from_the_first_kernel_on(monkeypatch, accuracy):
     order = list[str]()
-    keep, speed = compute.keep_compiled_code, promises.speed_of
+    keep, speed = compute.keep_compiled_code, outputs.speed_of
     monkeypatch.setattr(compute, "keep_compiled_code", lambda: (order.append("keep"), keep())[1])
-    monkeypatch.setattr(promises, "speed_of", lambda problem: (order.append("speed"), speed(problem))[1])
+    monkeypatch.setattr(outputs, "speed_of", lambda problem: (order.append("speed"), speed(problem))[1])
     solve_document(json.dumps(quicker(GRAVITY, squared=1, accuracy=accuracy)))
     assert order[:2] == ["keep", "speed"]
     assert order.count("keep") == 1
@@ -302,7 +302,7 @@ def test_an_absolute_tolerance_that_is_missed_tells_the_relative_error_too():
     ("motion", "stop"), [("planar", "1e-9"), ("state", "1e-13"), *seldom(("state", "1e-9"))]
 )
 def test_a_point_of_a_sweep_is_its_job_however_quick(monkeypatch, motion, stop, accuracy):
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 3600.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 3600.0)
     base = quicker(GRAVITY, squared=1, accuracy=accuracy)
     base["body"], base["time"] = {"A": 2, "B": "3/2", "C": 1}, {"stop": stop, "samples": 3}
     if motion == "state":
@@ -318,7 +318,7 @@ def test_a_point_of_a_sweep_is_its_job_however_quick(monkeypatch, motion, stop, 
 @pytest.mark.parametrize("accuracy", [{"tier": "standard"}, {"tier": "high"}, RELATIVE])
 @pytest.mark.parametrize("time", [{"stop": "1e-14", "samples": 5}, {"periods": 2, "samples": 5}])
 def test_sweeps_of_quick_motions_go_in_blocks(monkeypatch, time, accuracy):
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 3600.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 3600.0)
     alone = list[int]()
     solve_point = chunk.solve_point
 

@@ -8,16 +8,17 @@ import pytest
 
 from service.dynamics.verdict.verdict import decide
 from service.jobs.records import Refused
+from service.schemas.problem.problem import read_problem
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import kept_numbers
 from service.storage.codecs.packing import SOLVED, decode_arrays, decode_points
 from service.verdicts import cached
-from service.verdicts.examination import examine_problem
+from service.verdicts.examination import examine_document
 from workers.computation.compute import solve_checked
 from workers.sweeping import chunk, states
 from workers.sweeping.chunk import compute_chunk
 from workers.sweeping.plan import make_plan
-from workers.sweeping.varying_body.block import MovingSolver
+from workers.sweeping.varying_body.block import VaryingSolver
 
 DOUBLE = {"A": 2, "B": "3/2", "C": 1}
 THREE_TERMS = {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/50"}}
@@ -643,7 +644,7 @@ def plans_are_made_anew():
 @pytest.fixture
 def no_hurry(monkeypatch):
     """The first compiled point of an installation is compiled."""
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 600.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 600.0)
 
 
 def computed(document, first=0, count=None):
@@ -653,10 +654,11 @@ def computed(document, first=0, count=None):
 
 def alone(swept, index):
     """The outcome, numbers and series of a point's job, or of what is refused before it."""
-    problem = json.dumps(swept.document(index))
-    outcome = solve_checked(problem) if "error" not in json.loads(examine_problem(problem)) else None
-    if outcome is None:
-        return json.loads(examine_problem(problem))["error"]["code"], [np.nan] * len(swept.keep), {}
+    problem = swept.document(index)
+    answer = examine_document(problem, read=read_problem).answer
+    if "error" in answer:
+        return answer["error"]["code"], [np.nan] * len(swept.keep), {}
+    outcome = solve_checked(json.dumps(problem))
     if isinstance(outcome, Refused):
         return outcome.error["code"], [np.nan] * len(swept.keep), {}
     return SOLVED, kept_numbers(outcome.summary, swept.keep), decode_arrays(outcome.samples)
@@ -735,7 +737,7 @@ def test_points_of_other_bodies_and_exponents_go_in_blocks(name, monkeypatch):
     plan = make_plan(read_sweep(document))
     assert plan.quick is None
     solver = chunk.ChunkSolver(plan)
-    assert isinstance(solver._blocks, MovingSolver)
+    assert isinstance(solver._blocks, VaryingSolver)
     singly = []
     original = chunk.solve_point
     monkeypatch.setattr(
@@ -853,7 +855,7 @@ def test_a_chunk_may_begin_anywhere():
 @pytest.mark.parametrize("name", ["standard", "parameters and lambda", "no motion"])
 def test_a_chunk_without_time_hands_back_at_least_one_point(name, monkeypatch):
     document = {**IN_BLOCKS, **ONE_BY_ONE}[name]
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 0.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 0.0)
     monkeypatch.setattr(chunk, "BLOCK_POINTS", 1)
     outcome = computed(document)
     assert outcome.count == 1

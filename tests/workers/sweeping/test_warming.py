@@ -10,7 +10,7 @@ import pytest
 
 from service.dynamics.accuracy import TIERS
 from service.jobs.records import Refused
-from workers.cli.main import main
+from tests.support.commands import polhode
 from workers.computation import compiled_code
 from workers.computation.compiled_code import FOLDER_VARIABLE
 from workers.sweeping import warming
@@ -101,7 +101,7 @@ def test_a_problem_that_is_refused_is_named_by_workers_and_by_compile(monkeypatc
         warming.warm_up()
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
     monkeypatch.setattr(compiled_code, "_ready", set())
-    assert main(["compile"]) == 1
+    assert polhode("compile") == 1
     assert "draft: no_motion: there is none" in capsys.readouterr().err
 
 

@@ -8,7 +8,7 @@ apart.
 from fractions import Fraction
 from functools import cache
 from itertools import pairwise
-from math import inf
+from math import inf, nan
 
 import numpy as np
 from flint import arb, ctx
@@ -28,10 +28,11 @@ from workers.solvers.certified.certify import first_try
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.certified.orbit import passes_pole
 from workers.solvers.certified.time_model import SLACK, TimeModel, TimePiece
-from workers.solvers.certified.way import PolarWay
+from workers.solvers.certified.way import PassagePhase, PolarWay
 from workers.solvers.complex_plane.complex_loop import MANY
 from workers.solvers.complex_plane.passage import unit_at_poles
 from workers.solvers.errors import PrecisionLostError
+from workers.solvers.orbits.graded import refine_near_poles
 from workers.solvers.orbits.near_rest import is_slow
 
 FloatArray = NDArray[np.float64]
@@ -40,8 +41,6 @@ DEGREE = 32
 """Degree of series in doubles: those in balls fall like 4^-k on a piece."""
 LATEST = Fraction(16)
 """Periods, about, up to which enclosures of samples have the same time map."""
-STEEP = 2
-"""Ratio of the moments, the larger one above, below which r ~ |t|^(A/C − 1) has no slope at a pole."""
 TURNED = np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
 """On the way back of a libration the angular velocity is the opposite."""
 
@@ -86,24 +85,23 @@ class WayFamily:
                 raise PrecisionLostError(f"{error} is not known") from error
         if sampled is None:
             return NOT_MINE
-        found = make_periodic(problem, place, sampled)
-        if isinstance(found, Declined) and found.found is not None and place.start.arc.loop.alpha < STEEP:
-            # Nobody has it to more digits as a function of time: next to a pole that is one of rounded times.
-            return found.found
-        return found
+        return make_periodic(problem, place, sampled)
 
 
 def _sampled(way: IntegralMotion, phase: PolarWay) -> Sampled:
     model = way.model
     assert isinstance(model, TimeModel)
     time_map, states, departure = _in_doubles(model, phase)
+    sides = _sides(model, phase)
     turns = (way.origin / model.period).mid().floor()
     hi, origin = time_map.period.hi, float(way.origin - turns * model.period)
 
     def sample(times: FloatArray) -> FloatArray:
         local = times + origin
         panels, x = time_map.phase_at(np.where(local > hi, local - hi, local).clip(0.0, hi))
-        return np.ascontiguousarray(sum_series(states, panels, x).T)
+        found = np.ascontiguousarray(sum_series(states, panels, x).T)
+        refine_near_poles(phase.curve.loop, found, _sines(sides[:, panels], x))
+        return found
 
     poles = [model.time_at(stretch.begin) for stretch in phase.stretches if stretch.first == 0]
     poles += [model.period - t for t in poles] if phase.is_even else []
@@ -144,6 +142,32 @@ def _in_doubles(model: TimeModel, phase: PolarWay) -> tuple[TimeMap, FloatArray,
         edges, rates, integrals, times, period, error, nodes, 0, kinks=np.zeros(0), rounding=rounding
     )
     return time_map, states, UNSEEN_DEPARTURE_FACTOR * largest(departures)
+
+
+def _sides(model: TimeModel, phase: PolarWay) -> FloatArray:
+    """Return φ where each piece begins and ends, the unit and the sign of sin v, shape (4, pieces).
+
+    NaN where φ is not the phase.
+    """
+    sides = np.full((4, len(model.pieces)), nan)
+    for k, piece in enumerate(model.pieces):
+        stretch = phase.stretches[phase.number(piece.centre)]
+        if isinstance(stretch.phase, PassagePhase):
+            curve = stretch.phase.passage.curve
+            ends = (float(abs(theta - stretch.shift)) for theta in (piece.begin, piece.end))
+            sides[:, k] = *ends, curve.unit, curve.side
+    return np.hstack((sides, sides[[1, 0, 2, 3], ::-1])) if phase.is_even else sides
+
+
+def _sines(sides: FloatArray, x: FloatArray) -> FloatArray:
+    """Return sin v at the places ``x`` of pieces, one for each, to the digits of φ.
+
+    NaN unless it is small: a power has as many roundings as its exponent is large.
+    """
+    begin, end, unit, side = sides
+    phi = np.where(x < 0.0, begin, end) + 0.5 * (end - begin) * (x - np.copysign(1.0, x))
+    X = np.tan(0.5 * phi) ** unit
+    return np.where(unit * X < 1.0, side * 2.0 * X / (1.0 + X * X), nan)
 
 
 def _doubles(piece: TimePiece) -> FloatArray:

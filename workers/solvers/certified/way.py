@@ -88,7 +88,7 @@ class PolarWay:
 
     def rate(self, theta: acb, *, analytic: bool) -> acb:
         """See MotionPhase.rate."""
-        stretch = self.stretches[self._number(theta.real)]
+        stretch = self.stretches[self.number(theta.real)]
         return stretch.phase.rate(theta - stretch.shift, analytic=analytic)
 
     def state(self, theta: arb) -> tuple[arb, ...]:
@@ -113,7 +113,8 @@ class PolarWay:
                 return found
         raise ValueError("no place of the way")
 
-    def _number(self, theta: arb) -> int:
+    def number(self, theta: arb) -> int:
+        """Return the number of the stretch that has the phase θ."""
         return max(0, bisect_right([float(each.begin) for each in self.stretches], float(theta)) - 1)
 
 

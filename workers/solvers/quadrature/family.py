@@ -1,12 +1,25 @@
 """The family of solvers by quadrature in balls, which takes every planar motion."""
 
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from functools import lru_cache
 from math import inf
+from typing import TypeVar
 
 import numpy as np
+from flint import ctx
 from numpy.typing import NDArray
 
 from service.dynamics.motion import Motion
+from service.dynamics.potentials.angular_part.along_curve import Curve
+from service.dynamics.potentials.families.general_solution import (
+    SIGNS,
+    AlongCurve,
+    GeneralPotential,
+    along_curve,
+)
 from service.dynamics.problem import Problem
+from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.window import require_known_ends
 from workers.solvers.assembly.families import Declined, PeriodicPlace, Place
 from workers.solvers.assembly.periodic import Sampled, make_periodic
@@ -15,7 +28,7 @@ from workers.solvers.orbits.near_rest import SlowOrbit
 from workers.solvers.orbits.orbit import Libration, Rotation
 from workers.solvers.quadrature.aperiodic import solve_aperiodic
 from workers.solvers.quadrature.phase_sampler import phase_sampler, series_sampler
-from workers.solvers.quadrature.squared_speed import time_map_of
+from workers.solvers.quadrature.squared_speed import KEPT, time_map_of
 from workers.solvers.quadrature.time_map import make_time_map
 
 FloatArray = NDArray[np.float64]
@@ -49,6 +62,7 @@ class QuadratureFamily:
             The times asked for are not there: the motion has no period, or has ended before.
         """
         require_known_ends(place.window)
+        place = _by_series(place)
         if isinstance(place, PeriodicPlace):
             return make_periodic(problem, place, _by_time_map(place))
         kind = place.window.kind
@@ -57,6 +71,35 @@ class QuadratureFamily:
         assert kind != "edge"
         assert kind != "standstill"
         return solve_aperiodic(problem, place.window, kind, place.start)
+
+
+@dataclass(frozen=True, slots=True)
+class _OnLoop:
+    """A potential without a formula on a loop, told from others by all that it depends on there."""
+
+    potential: GeneralPotential
+    lambda_squared: Fraction
+    precision: int
+    loop: Loop = field(compare=False)
+
+
+@lru_cache(maxsize=KEPT)
+def _along(asked: _OnLoop) -> AlongCurve:
+    loop = asked.loop
+    return along_curve(asked.potential, Curve(loop.alpha, loop.Z, loop.G, loop.mirrored))
+
+
+AnyPlace = TypeVar("AnyPlace", bound=Place)
+
+
+def _by_series(place: AnyPlace) -> AnyPlace:
+    """Return the place; where V is an integral, and F no sum of powers, with V by series on the curve."""
+    arc = place.start.arc
+    loop, potential = arc.loop, arc.loop.potential
+    if not isinstance(potential, GeneralPotential) or all(potential.powers_of_w(*s) for s in SIGNS.values()):
+        return place
+    along = replace(loop, potential=_along(_OnLoop(potential, loop.lambda_squared, ctx.prec, loop)))
+    return replace(place, start=replace(place.start, arc=replace(arc, loop=along)))
 
 
 def _by_time_map(place: PeriodicPlace) -> Sampled:

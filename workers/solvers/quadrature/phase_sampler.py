@@ -9,7 +9,7 @@ from service.dynamics.solution.dense_output import chebyshev_coefficients, cheby
 from workers.solvers.assembly.dense import FloatArray, Sampler
 from workers.solvers.assembly.time_map import CHECKED_POINTS, UNSEEN_DEPARTURE_FACTOR, TimeMap, sum_series
 from workers.solvers.errors import PrecisionLostError
-from workers.solvers.orbits.graded import Graded
+from workers.solvers.orbits.graded import Graded, refine_near_poles
 from workers.solvers.orbits.orbit import Orbit
 from workers.solvers.quadrature.ellipse import DEGREE
 
@@ -45,20 +45,13 @@ def series_sampler(orbit: Graded, time_map: TimeMap) -> tuple[Sampler, float]:
         told = np.polynomial.chebyshev.chebval(np.array(CHECKED_POINTS), series[-1]).T
         departure = largest((departure, float(np.abs(told - states[len(nodes) :]).max())))
     columns: FloatArray = np.stack(series, axis=2)
-    loop = orbit.orbit.loop
-    Z, G, alpha = float(loop.Z), loop.g1_sign * float(loop.G), float(loop.alpha)
 
     def sample(times: FloatArray) -> FloatArray:
         panels, x = time_map.phase_at(times)
         left, right = time_map.edges[panels], time_map.edges[panels + 1]
         states = np.ascontiguousarray(sum_series(columns, panels, x).T)
         sines = orbit.sines(np.where(x < 0.0, left, right) + 0.5 * (right - left) * (x - np.copysign(1.0, x)))
-        near = np.flatnonzero(np.isfinite(sines))
-        # Primed axes: g1 = ±G |sin v|^α, g3 = Z sin v, r = −α g1 p / g3.
-        p, r, g1, g3 = (2, 0, 5, 3) if loop.mirrored else (0, 2, 3, 5)
-        sine, size = sines[near], np.abs(sines[near])
-        states[near, g1], states[near, g3] = G * size**alpha, Z * sine
-        states[near, r] = -alpha * G / Z * size ** (alpha - 1.0) * np.sign(sine) * states[near, p]
+        refine_near_poles(orbit.orbit.loop, states, sines)
         return states
 
     return sample, UNSEEN_DEPARTURE_FACTOR * departure

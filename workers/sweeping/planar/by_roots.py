@@ -27,7 +27,7 @@ from workers.solvers.compiled.solve import solve_rational
 from workers.solvers.compiled.time_map.sampling import sample_one
 from workers.solvers.compiled.workspace import WORKSPACE
 from workers.sweeping.parameters.family import SweepFamily
-from workers.sweeping.planar.doubles import Sampling, Swept, logarithms_of, pass_a_pole
+from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, pass_a_pole
 
 FloatArray = NDArray[np.float64]
 
@@ -67,10 +67,10 @@ def rational_family(body: RigidBody, family: SweepFamily, motion: PlanarMotion) 
     if curve_of(body, motion) is None or make_frame(body, motion) is None:
         return None
     expanded = [expansion_of(body, member.potential, motion) for member in family.members]
-    found = [each for each in expanded if each is not None]
-    if len(found) != len(expanded):
+    known = [each for each in expanded if each is not None]
+    if len(known) != len(expanded):
         return None
-    origin, *units = found
+    origin, *units = known
     return RationalFamily(body, motion, origin, tuple(_difference(unit, origin) for unit in units))
 
 
@@ -80,8 +80,8 @@ def sweep_by_roots(
     lambdas_squared: Sequence[fmpq],
     sampling: Sampling,
     starts: Sequence[Fraction] | None = None,
-) -> Swept:
-    """Solve the potentials of ``rows`` to the last digit, each on the curve of the same place's λ².
+) -> BlockResult:
+    """Solve the potentials of ``rows`` to the last digit, each on the curve of the same row's λ².
 
     ``starts`` are the |g1| at the starts, where each point has its own. What is not of this kind, or not
     decided, is not solved.
@@ -89,7 +89,7 @@ def sweep_by_roots(
     frame = make_frame(family.body, family.motion)
     assert frame is not None
     loops = frame.loops(logarithms_of(lambdas_squared))
-    found = _Found(loops, sampling)
+    results = _Found(loops, sampling)
     for n, (row, square) in enumerate(zip(rows, lambdas_squared, strict=True)):
         motion = family.at(square, None if starts is None else starts[n])
         nu = curve_of(family.body, motion)
@@ -98,8 +98,8 @@ def sweep_by_roots(
             continue
         solved = solve_rational(radicand, motion, Frame(copied(loops[n : n + 1])))
         if solved is not None:
-            found.add(n, *solved)
-    return found.swept()
+            results.add(n, *solved)
+    return results.result()
 
 
 class _Found:
@@ -124,19 +124,19 @@ class _Found:
         if not self._sampling.has_times:
             self._latest[n] = period.hi
             return
-        asked = self._asked(period)
-        self._times[n], self._latest[n] = asked.doubles, np.abs(asked.doubles).max()
+        times = self._asked(period)
+        self._times[n], self._latest[n] = times.doubles, np.abs(times.doubles).max()
         columns = self._sampling.columns
         if len(columns):
             rows = self._samples[n]
-            sample_one(run.loops, run.panels, asked.doubles, asked.low_parts, columns, self._desk, rows)
+            sample_one(run.loops, run.panels, times.doubles, times.low_parts, columns, self._desk, rows)
 
-    def swept(self) -> Swept:
+    def result(self) -> BlockResult:
         """Return all of them."""
         bounds = bounds_of(self._about)
         errors = bounds.error_at(self._latest, self._periods, self._uncertain)
         is_solved = (self._about["panels"] > 0) & ~np.isnan(errors)
-        return Swept(
+        return BlockResult(
             self._periods,
             # What the second double of the period says is left out of the first.
             self._lows + self._uncertain,
@@ -156,8 +156,8 @@ class _Found:
 
 def _difference(one: Laurent, other: Laurent) -> Laurent:
     keys = {*one, *other}
-    found = {key: one.get(key, Fraction(0)) - other.get(key, Fraction(0)) for key in keys}
-    return {key: value for key, value in found.items() if value}
+    difference = {key: one.get(key, Fraction(0)) - other.get(key, Fraction(0)) for key in keys}
+    return {key: value for key, value in difference.items() if value}
 
 
 def _fraction(value: fmpq) -> Fraction:

@@ -1,8 +1,8 @@
 """/v1/solutions/{id}/audits: solves the problem of a solution again, and compares the two."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from http import HTTPStatus
 from typing import Annotated
 
@@ -13,7 +13,7 @@ from service.api.bodies import BodyIfAny, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key
-from service.api.middleware.heavy_answers import while_connected
+from service.api.middleware.heavy_answers import listed, while_connected
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
@@ -22,11 +22,12 @@ from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.records import audit_out
 from service.api.replies.responses import AuditId, SolutionId, json_response, refusals
 from service.api.routes.jobs import SubmitQuery
-from service.api.submission import Checked, accept, check
+from service.api.submission import accept, check
+from service.api.verdicts.examiner import Submission
 from service.jobs.records import Job
 from service.jobs.store import Receipt
 from service.schemas.problem.documents import MEMBERS, AuditIn, audited_problem
-from service.schemas.reading.documents import InvalidProblemError
+from service.schemas.reading.documents import Document, InvalidProblemError, Part
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import AuditOut, AuditPageOut
@@ -37,7 +38,7 @@ from service.storage.solutions.standing import standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "the same": {"value": {}},
     "another tier and method": {"value": {"accuracy": {"tier": "high"}, "method": "quadrature"}},
 }
@@ -90,7 +91,7 @@ class _Audited:
 
     id: str
     digest: str
-    problem: Mapping[str, object]
+    problem: Part
     size: int
     """Characters of the document."""
 
@@ -101,25 +102,26 @@ def _read(inside: Resources, solution_id: str) -> _Audited:
     return _Audited(standing.id, standing.digest, problem, len(json.dumps(problem)))
 
 
-def _checked(content: bytes, problem: Mapping[str, object], settings: Settings) -> Checked:
+def _checked(content: bytes, problem: Part, settings: Settings) -> Submission:
     document = read_json(content) if content else {}
     _, faults = read_parts(document, AuditIn, MEMBERS)
     if faults:
         raise InvalidProblemError(faults)
-    assert isinstance(document, dict)
     return check(audited_problem(dict(problem), document), settings)
 
 
-async def _submit(audited: _Audited, problem: Checked, inside: Resources, terms: SubmissionTerms) -> Response:
-    examined = await accept(inside, problem, terms.holder)
+async def _submit(
+    audited: _Audited, problem: Submission, inside: Resources, terms: SubmissionTerms
+) -> Response:
+    accepted = await accept(inside, problem, terms.holder)
 
     def store(receipt: Receipt[Made] | None) -> Job:
-        accepted = examined.accepted()
+        digest = accepted.digest
         return inside.audits.submit(
             audited.id,
             # In the same words, if it is the same: then equal bits are expected.
-            audited.problem if accepted.digest == audited.digest else accepted.document,
-            accepted.digest,
+            audited.problem if digest == audited.digest else accepted.document,
+            digest,
             priority=terms.priority,
             key_id=terms.key_id,
             examination=accepted.examination,
@@ -149,9 +151,7 @@ async def list_audits(
     """List the audits of a solution, newest first or as asked: `where` and `order` are about their jobs."""
     standing = await run_in_threadpool(standing_of, inside.database, solution_id)
     listing = read_listing(asked, audits_of(standing.id))
-    if listing.query.is_estimated:
-        return listing.estimate()
-    return await run_in_threadpool(_page, request, standing.id, listing, inside)
+    return await listed(request, inside, listing, partial(_page, request, standing.id, listing, inside))
 
 
 def _page(request: Request, solution_id: str, listing: Listing, inside: Resources) -> Response:

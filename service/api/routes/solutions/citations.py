@@ -11,7 +11,7 @@ from service.api.formats.citation import CITATIONS, Cited, bibtex, cff, title_of
 from service.api.formats.negotiation import Accept, preferred
 from service.api.queries.queries import FORMAT_HELP, QueryModel, query_of, query_parameters
 from service.api.replies.responses import SolutionId, refusals
-from service.api.tagged import told_of
+from service.api.tagged import validator_headers
 from service.storage.solutions.standing import standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
@@ -46,11 +46,10 @@ def get_citation(
 ) -> Response:
     """Return how to cite a solution in a paper: what it is, what computed it, whose method it is."""
     media_type = preferred(list(WRITERS), accept) if query.format is None else CITATIONS[query.format]
-    standing = inside.remembered.get(standing_of, solution_id)
-    told = told_of(request, inside, standing)
+    standing = inside.reads.get(standing_of, solution_id)
+    headers = validator_headers(request, inside, standing)
     solution = inside.solutions.get(solution_id)
     provenance = solution.summary["provenance"]
-    assert isinstance(provenance, Mapping)
     cited = Cited(
         solution.id,
         standing.digest,
@@ -59,4 +58,4 @@ def get_citation(
         provenance["version"],
         provenance["numerics"],
     )
-    return Response(WRITERS[media_type](cited), media_type=media_type, headers=told)
+    return Response(WRITERS[media_type](cited), media_type=media_type, headers=headers)

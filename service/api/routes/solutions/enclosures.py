@@ -12,10 +12,10 @@ from service.api.middleware.heavy_answers import heavy
 from service.api.queries.queries import without_query
 from service.api.replies.errors import ApiError
 from service.api.replies.responses import SolutionId, json_response, refusals
-from service.api.tagged import told_of
+from service.api.tagged import validator_headers
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, as_decimals, join
-from service.schemas.problem.rules import ONE_AT_A_TIME
+from service.schemas.problem.trusted import ONE_AT_A_TIME
 from service.schemas.replies.solution import EnclosureOut, EnclosuresOut
 from service.storage.codecs.packing import decode_arrays
 
@@ -33,7 +33,7 @@ router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 @heavy
 def get_enclosures(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Return the six variables at the exact times that were asked, as decimals with proven radii."""
-    told = told_of(request, inside)
+    headers = validator_headers(request, inside)
     stored = decode_arrays(inside.solutions.samples(solution_id))
     names = [name for name in COLUMNS if f"{name}.{RADIUS}" in stored]
     if not names:
@@ -44,7 +44,7 @@ def get_enclosures(request: Request, solution_id: SolutionId, inside: Inside) ->
         columns = {name: _enclosures(stored, name) for name in names}
         times = _enclosures(stored, "t")
     document = EnclosuresOut(t=stored["t"].tolist(), times=times, columns=columns)
-    return json_response(document, headers=told)
+    return json_response(document, headers=headers)
 
 
 def _enclosures(stored: Mapping[str, FloatArray], name: str) -> list[EnclosureOut]:

@@ -6,7 +6,7 @@ from service.api.dependencies import Inside
 from service.api.formats.prov_json import provenance_graph
 from service.api.queries.queries import without_query
 from service.api.replies.responses import SolutionId, json_response, refusals
-from service.api.tagged import told_of
+from service.api.tagged import validator_headers
 from service.schemas.replies.solution import ProvenanceGraphOut
 from service.storage.solutions.origin import origin_of
 
@@ -26,6 +26,6 @@ def get_provenance(request: Request, solution_id: SolutionId, inside: Inside) ->
     the solution; activities are the examination and each attempt; agents are the
     workers, polhode and the libraries with their versions.
     """
-    told = told_of(request, inside)
+    headers = validator_headers(request, inside)
     document = provenance_graph(origin_of(inside.database, solution_id))
-    return json_response(document, headers=told)
+    return json_response(document, headers=headers)

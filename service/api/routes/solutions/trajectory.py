@@ -28,7 +28,7 @@ from service.api.queries.queries import (
 )
 from service.api.replies.errors import ApiError
 from service.api.replies.responses import SolutionId, refusals
-from service.api.tagged import told_of
+from service.api.tagged import validator_headers
 from service.dynamics.equations.orientation import (
     QUATERNION,
     column_names,
@@ -38,15 +38,15 @@ from service.dynamics.equations.orientation import (
     trajectory_columns,
     trajectory_errors,
 )
-from service.dynamics.motion import COLUMNS
+from service.dynamics.motion import COLUMNS, columns_of
 from service.dynamics.problem import TimeSpan
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.ball_columns import is_part
 from service.dynamics.solution.dense_output import DenseOutput
 from service.dynamics.solution.preview import deviation, preview_times
 from service.jobs.records import SolutionNotFoundError
-from service.schemas.problem.documents import asked_series
-from service.schemas.reading.documents import Fault
+from service.schemas.problem.trusted import outputs_of, times_of
+from service.schemas.reading.documents import Document, Fault
 from service.schemas.reading.numbers import LATEST, MAX_SAMPLES, read_time
 from service.schemas.replies.solution import MotionFunctionOut, TrajectoryOut
 from service.settings import Settings
@@ -83,7 +83,7 @@ class TrajectoryQuery(QueryModel):
         ge=2,
         le=MOST_PREVIEWED,
         description="So many times at which the columns are drawn best, closer together where they are bent;"
-        f" over those of the problem, or from start to stop. {DEVIATION_HEADER} tells how far the drawn lines"
+        f" over those of the problem, or from start to stop. {DEVIATION_HEADER} says how far the drawn lines"
         " are off at most, as a share of a column's range.",
     )
     columns: str | None = Field(default=None, description="Names with commas between, such as t,g1,g3.")
@@ -122,7 +122,7 @@ def get_trajectory(
     faults = [*asked.faults, *([] if is_stored else _faults_of_times(asked, inside.settings))]
     if faults:
         refuse_if_any([*faults, *_faults_of_columns(inside, solution_id, query.columns)])
-    told = told_of(request, inside)
+    told = validator_headers(request, inside)
     if is_stored:
         packet = inside.solutions.samples_if_kept(solution_id)
         samples = _remade(inside, solution_id) if packet is None else _stored(inside, solution_id, packet)
@@ -150,13 +150,13 @@ def get_trajectory(
 @heavy
 def get_function(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Return the motion as a function of time, which clients evaluate at any times themselves."""
-    told = told_of(request, inside)
+    told = validator_headers(request, inside)
     dense = decode_dense(inside.solutions.dense(solution_id))
     _require_series(dense.columns)
     return write_function(dense, told)
 
 
-def _about(solution: Solution) -> dict[str, object]:
+def _about(solution: Solution) -> Document:
     """Return what a file says of the solution that it is from."""
     return {
         "solution": solution.id,
@@ -182,12 +182,10 @@ def _stored(inside: Resources, solution_id: str, packet: bytes) -> _Samples:
     stored = decode_arrays(packet)
     columns = {name: values for name, values in stored.items() if not is_part(name)}
     _require_series(columns)
-    error = summary["error"]
-    assert isinstance(error, int | float)
     own = _own_errors(summary.get("errors"))
     if QUATERNION[0] in columns:
         own |= orientation_errors(decode_dense(inside.solutions.dense(solution_id)), columns["t"])
-    return _Samples(columns, float(error), own, "stored")
+    return _Samples(columns, float(summary["error"]), own, "stored")
 
 
 def _own_errors(told: object) -> dict[str, float]:
@@ -200,12 +198,12 @@ def _own_errors(told: object) -> dict[str, float]:
 
 def _remade(inside: Resources, solution_id: str) -> _Samples:
     """Recompute deleted samples: the same times and columns, with the error of the dense output."""
-    asked = asked_series(inside.solutions.get(solution_id).problem)
+    problem = inside.solutions.get(solution_id).problem
     dense = decode_dense(inside.solutions.dense(solution_id))
     _require_series(dense.columns)
-    times = sample_times(asked.time.to_domain(), dense.period)
+    times = sample_times(times_of(problem["time"]), dense.period)
     remade = _evaluated(dense, times)
-    left_out = set(COLUMNS) - set(asked.columns())
+    left_out = set(COLUMNS) - set(columns_of(outputs_of(problem)))
     columns = {name: values for name, values in remade.columns.items() if name not in left_out}
     return replace(remade, columns=columns)
 
@@ -223,8 +221,8 @@ def _previewed(
     """Return a preview, and how far it is off."""
     assert query.preview is not None
     if query.stop is None:
-        asked = asked_series(inside.solutions.get(solution_id).problem)
-        given = sample_times(asked.time.to_domain(), dense.period).doubles
+        problem = inside.solutions.get(solution_id).problem
+        given = sample_times(times_of(problem["time"]), dense.period).doubles
         start, stop = float(given.min()), float(given.max())
     else:
         start, stop = float(query.start or 0), float(query.stop)

@@ -46,12 +46,11 @@ from service.api.queries.points import (
 from service.api.queries.queries import Asked, asked_of, query_parameters, refuse_if_any, without_query
 from service.api.replies.errors import ApiError, invalid_request
 from service.api.replies.responses import PiecedAnswer, SweepId, refusals
-from service.api.tagged import told_of
+from service.api.tagged import validator_headers
 from service.jobs.records import SweepRecord
-from service.schemas.reading.documents import Fault
+from service.schemas.reading.documents import Document, Fault
 from service.schemas.replies.sweep import GridOut, PointPageOut
-from service.schemas.sweep.reading import read_sweep
-from service.schemas.sweep.sweep import Sweep, SweepAxis
+from service.schemas.sweep.sweep import Sweep, SweepAxis, trusted_sweep
 from service.storage.sweeps.point_query import PointQuery
 from service.storage.sweeps.point_reader import PointBlock, PointReader
 from service.storage.sweeps.point_tables import PointGrid, cell_indices, read_grid
@@ -90,30 +89,32 @@ def get_points(
     """Return the computed points, filtered, sorted, and with only the requested columns."""
     media_type = chosen(asked.parameters.format, accept)
     record = inside.sweeps.get(sweep_id)
-    sweep = read_sweep(record.document)
+    sweep = trusted_sweep(record.document)
     wish = read_wish(asked, record.id, sweep, has_lists=media_type != CSV)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
     is_page = media_type == JSON
     refuse_if_any([*wish.faults, *(_faults_of_page(wish.query.limit, reader) if is_page else ())])
-    told = told_of(request, inside, standing_in(record)) | named_file(f"points-{record.id}", media_type)
+    headers = validator_headers(request, inside, standing_in(record)) | named_file(
+        f"points-{record.id}", media_type
+    )
     if is_page:
-        return _page(request, asked.parameters, record, wish, reader, told)
+        return _page(request, asked.parameters, record, wish, reader, headers)
     _check_size_of_sort(wish, reader)
     held = reader.held(wish.query)
     if media_type == NPZ:
         # The arrays, and the file with them.
         held = 2 * 8 * len(wish.columns) * _checked_size_of_arrays(wish, reader)
-    told |= {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
+    headers |= {POINTS_HEADER: str(record.points), DONE_HEADER: str(record.done)}
     if is_head(request):
-        return Response(media_type=media_type, headers=told)
+        return Response(media_type=media_type, headers=headers)
     # Read the first block now, while an error can still be answered with a status.
     blocks = reader.blocks(wish.query)
     first = list(islice(blocks, 1))
-    about = {"sweep": record.id, **{name: told[name] for name in (POINTS_HEADER, DONE_HEADER)}}
+    about = {"sweep": record.id, **{name: headers[name] for name in (POINTS_HEADER, DONE_HEADER)}}
     if media_type == PARQUET:
         about = about_points(record, wish.columns, wish.series)
     content = STREAMS[media_type](wish, chain(first, blocks), about)
-    return PiecedAnswer(content, held=held, media_type=media_type, headers=told)
+    return PiecedAnswer(content, held=held, media_type=media_type, headers=headers)
 
 
 def _page(
@@ -209,7 +210,7 @@ def _check_size_of_sort(wish: Wish, reader: PointReader) -> None:
             "description": "The matrix. As an Arrow stream it has for each row the number of its axis, and"
             " the lists of the columns and `outcome`; the rest is JSON in the metadata `polhode.grid`. As NPZ"
             " it has the matrix by the name of its number, the values of the axes by their pointers without"
-            " the first stroke, `outcome` as places in the list `outcomes`, -1 where a point is not"
+            " the first stroke, `outcome` as indices into the list `outcomes`, -1 where a point is not"
             " computed yet, and `indices`.",
             "content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in (ARROW, NPZ)},
         },
@@ -227,30 +228,32 @@ def get_grid(
 ) -> Response:
     """Return a kept number over one or two axes of a grid: rows along the first, columns along the last.
 
-    Of a sweep with more axes `at` chooses a place on each of the others.
+    Of a sweep with more axes `at` chooses an index on each of the others.
     """
     name = asked.parameters.format
     media_type = preferred(list(_WRITERS), accept) if name is None else MEDIA_TYPES[name]
     record = inside.sweeps.get(sweep_id)
-    sweep = read_sweep(record.document)
+    sweep = trusted_sweep(record.document)
     wish = read_grid_wish(asked, sweep)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=False)
     grid = read_grid(reader, cell_indices(sweep, wish.at), wish.of)
-    headers = told_of(request, inside, standing_in(record)) | named_file(f"grid-{record.id}", media_type)
+    headers = validator_headers(request, inside, standing_in(record)) | named_file(
+        f"grid-{record.id}", media_type
+    )
     return Response(_WRITERS[media_type](sweep, wish, grid), media_type=media_type, headers=headers)
 
 
-def _about(sweep: Sweep, wish: GridWish, grid: PointGrid) -> dict[str, object]:
+def _about(sweep: Sweep, wish: GridWish, grid: PointGrid) -> Document:
     """Return everything but the cells."""
-    free = [each for place, each in enumerate(sweep.axes) if place not in wish.at]
-    places = [(sweep.axes[place], index) for place, index in sorted(wish.at.items())]
+    free = [axis for k, axis in enumerate(sweep.axes) if k not in wish.at]
+    chosen = [(sweep.axes[k], index) for k, index in sorted(wish.at.items())]
     first, rows, columns = int(grid.indices[0, 0]), grid.indices[:2, 0], grid.indices[0, :2]
     return {
         "of": wish.of,
         "axes": [{"pointer": each.pointer, "values": _doubles(each)} for each in free],
         "at": [
             {"pointer": each.pointer, "index": index, "value": float(each.axis.value(index))}
-            for each, index in places
+            for each, index in chosen
         ],
         "indices": [first, int(rows[-1]) - first, int(columns[-1]) - first],
         "points": grid.indices.size,
@@ -274,7 +277,7 @@ def _arrow(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
     from service.api.formats.arrow import matrix_stream  # noqa: PLC0415
 
     about = _about(sweep, wish, grid)
-    *rows, _ = [each for place, each in enumerate(sweep.axes) if place not in wish.at]
+    *rows, _ = [axis for k, axis in enumerate(sweep.axes) if k not in wish.at]
     values = {each.pointer: np.array(_doubles(each)) for each in rows}
     return matrix_stream(
         values, {wish.of: grid.numbers}, {"outcome": grid.outcomes}, {"polhode.grid": json.dumps(about)}
@@ -283,7 +286,7 @@ def _arrow(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
 
 def _npz(sweep: Sweep, wish: GridWish, grid: PointGrid) -> bytes:
     codes, words = coded(grid.outcomes)
-    free = [each for place, each in enumerate(sweep.axes) if place not in wish.at]
+    free = [axis for k, axis in enumerate(sweep.axes) if k not in wish.at]
     values = {each.pointer: np.array(_doubles(each)) for each in free}
     indices = np.array(_about(sweep, wish, grid)["indices"], dtype=np.int64)
     return npz_file(
@@ -313,11 +316,11 @@ def get_package(request: Request, sweep_id: SweepId, inside: Inside) -> Response
     if record.finished_at is None:
         detail = f"sweep {record.id} is {record.state}: only what has finished is a package; wait for its end"
         raise ApiError(HTTPStatus.CONFLICT, "not_finished", detail)
-    told = told_of(request, inside, standing_in(record))
-    told["Content-Disposition"] = f'attachment; filename="sweep-{record.id}.zip"'
+    headers = validator_headers(request, inside, standing_in(record))
+    headers["Content-Disposition"] = f'attachment; filename="sweep-{record.id}.zip"'
     if is_head(request):
-        return Response(media_type=ZIP, headers=told)
-    sweep = read_sweep(record.document)
+        return Response(media_type=ZIP, headers=headers)
+    sweep = trusted_sweep(record.document)
     wish = read_wish(Asked(PointsQuery(), frozenset(), ()), record.id, sweep, has_lists=True)
     reader = PointReader(inside.sweeps, record.id, sweep, with_series=bool(wish.series))
     about = Package(
@@ -329,4 +332,4 @@ def get_package(request: Request, sweep_id: SweepId, inside: Inside) -> Response
         provenance_of_points(record),
     )
     points = parquet(wish, reader.blocks(wish.query), about_points(record, wish.columns, wish.series))
-    return PiecedAnswer(package(about, points), held=reader.held(wish.query), media_type=ZIP, headers=told)
+    return PiecedAnswer(package(about, points), held=reader.held(wish.query), media_type=ZIP, headers=headers)

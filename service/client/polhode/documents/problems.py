@@ -8,7 +8,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from polhode.documents.quantities import Exact, axis_section, written
+from polhode.documents.quantities import Exact, axis_section, items, written
 from polhode.errors import WrongArgumentError
 
 Document = dict[str, object]
@@ -87,7 +87,7 @@ def problem(
     if potential is not None:
         found["potential"] = _potential(potential, {**(parameters or {}), **numbers})
     else:
-        place(found, {**(parameters or {}), **numbers})
+        put_numbers(found, {**(parameters or {}), **numbers})
     _one_of("motion", motion=motion, lam=lam, nu=nu)
     if motion is not None:
         found["motion"] = written(motion)
@@ -156,8 +156,8 @@ def read(given: Given | None) -> Document:
     return document
 
 
-def place(document: Document, numbers: Mapping[str, object]) -> None:
-    """Put numbers into a document, each at the pointer or at the place that its name stands for."""
+def put_numbers(document: Document, numbers: Mapping[str, object]) -> None:
+    """Put numbers into a document, each at the pointer that it has or that its name stands for."""
     for name, value in numbers.items():
         put(document, pointer_of(document, name), value)
 
@@ -201,11 +201,11 @@ def put(document: Document, pointer: str, value: object) -> None:
     target: object = document
     try:
         for part in way:
-            target = target[int(part)] if isinstance(target, list) else target[part]  # type: ignore[index]  # told below
+            target = target[int(part)] if isinstance(target, list) else target[part]  # type: ignore[index]  # reported below
         if isinstance(target, list):
             target[int(last)] = written(value)
         else:
-            target[last] = written(value)  # type: ignore[index]  # told below
+            target[last] = written(value)  # type: ignore[index]  # reported below
     except (KeyError, IndexError, TypeError, ValueError) as fault:
         raise WrongArgumentError(f"{pointer} is nowhere in the problem") from fault
 
@@ -213,7 +213,7 @@ def put(document: Document, pointer: str, value: object) -> None:
 def changed(document: Mapping[str, object], numbers: Mapping[str, object]) -> Document:
     """Return a copy of a document with other numbers at these JSON pointers."""
     other = copy.deepcopy(dict(document))
-    place(other, numbers)
+    put_numbers(other, numbers)
     return other
 
 
@@ -235,7 +235,7 @@ def _body(body: Body) -> object:
 def _potential(potential: str | Mapping[str, object], numbers: Mapping[str, object]) -> object:
     if not isinstance(potential, str):
         found: Document = {"potential": written(potential)}
-        place(found, numbers)
+        put_numbers(found, numbers)
         return found["potential"]
     names = set(_NAME.findall(potential))
     for name in numbers:
@@ -246,20 +246,20 @@ def _potential(potential: str | Mapping[str, object], numbers: Mapping[str, obje
 
 
 def _curve(motion: object, name: str, value: object) -> Document:
-    kept = (
+    others = (
         {k: v for k, v in motion.items() if k not in ("lambda", "nu")} if isinstance(motion, Mapping) else {}
     )
-    return {"type": "planar", **kept, name: written(value)}
+    return {"type": "planar", **others, name: written(value)}
 
 
 def _time(known: object, time: object, samples: int | None, **spans: object) -> object:
     if time is not None:
         return written(time)
     given = {name: written(value) for name, value in spans.items() if value is not None}
-    kept = known if isinstance(known, Mapping) else DEFAULT_TIME
+    before = known if isinstance(known, Mapping) else DEFAULT_TIME
     if not given:
-        return {**kept, **({} if samples is None else {"samples": samples})}
-    count = samples or kept.get("samples", DEFAULT_TIME["samples"])
+        return {**before, **({} if samples is None else {"samples": samples})}
+    count = samples or before.get("samples", DEFAULT_TIME["samples"])
     return given if "times" in given else {**given, "samples": count}
 
 
@@ -319,8 +319,7 @@ def sweep_document(
 
 def _with_first(base: Document, pointer: str, section: Mapping[str, object]) -> Document:
     """Return the base with the first value of an axis: it has to be a problem before the axis varies it."""
-    listed = next(value for name, value in section.items() if name != "seed")
-    assert isinstance(listed, list)
+    listed = items(next(value for name, value in section.items() if name != "seed"))
     if not listed:
         raise WrongArgumentError(f"the axis of {pointer} has no values; one or more are accepted")
     if pointer in ("/motion/lambda", "/motion/nu"):

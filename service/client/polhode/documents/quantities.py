@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
-from typing import Self
+from typing import Any, Self  # Any: parts of an answer
 
 import numpy as np
 
-from polhode.errors import WrongArgumentError
+from polhode.errors import PolhodeError, WrongArgumentError
 
 Exact = int | float | str | Fraction | Decimal
 """A number of a problem. Text such as ``"17/10"`` is exact; a float means its shortest decimal."""
@@ -33,15 +33,15 @@ class Quantity(float):
     radius: str | None
 
     @classmethod
-    def read(cls, told: object) -> Self | None:
-        """Return what a document tells as ``{value, error}`` or ``{value, radius}``; None for none."""
-        if not isinstance(told, Mapping):
+    def read(cls, document: object) -> Self | None:
+        """Return what a document has as ``{value, error}`` or ``{value, radius}``; None for none."""
+        if not isinstance(document, Mapping):
             return None
-        value, radius = told.get("value"), told.get("radius")
+        value, radius = document.get("value"), document.get("radius")
         number = cls(str(value))
         number.digits = number.radius = None
         if radius is None:
-            number.error = float(str(told.get("error")))
+            number.error = float(str(document.get("error")))
             return number
         number.digits, number.radius = str(value), str(radius)
         # The float is a rounding of the digits.
@@ -55,13 +55,33 @@ class Quantity(float):
     __str__ = __repr__
 
 
+def items(value: object) -> list[Any]:
+    """Return a list of an answer.
+
+    Raises
+    ------
+    PolhodeError
+        It is none: the answer is not as this version of the client knows it.
+    """
+    if not isinstance(value, list):
+        raise PolhodeError(f"the answer of the service has {str(value)[:60]!r} in place of a list")
+    return value
+
+
+def fields(value: object) -> dict[str, Any]:
+    """Return an object of an answer; raises as :func:`items` does."""
+    if not isinstance(value, dict):
+        raise PolhodeError(f"the answer of the service has {str(value)[:60]!r} in place of an object")
+    return value
+
+
 def written(value: object) -> object:
     """Return a value as JSON has it: exact numbers as text, arrays and tuples as lists.
 
     Raises
     ------
     WrongArgumentError
-        It has no place in a document.
+        It cannot be written into a document.
     """
     match value:
         case None | bool() | int() | str():
@@ -79,7 +99,7 @@ def written(value: object) -> object:
         case Sequence() | range():
             return [written(each) for each in value]
     raise WrongArgumentError(
-        f"{value!r} has no place in a document; int, float, str, Fraction, Decimal, lists and dicts have one"
+        f"{value!r} cannot be written as JSON; int, float, str, Fraction, Decimal, lists and dicts can"
     )
 
 

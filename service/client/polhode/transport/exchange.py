@@ -44,8 +44,8 @@ def ask(
         There was no answer for longer than the client's patience.
     """
     url = terms.url + path
-    if method == "GET" and terms.cache is not None and (kept := terms.cache.find(url, accept)):
-        return kept
+    if method == "GET" and terms.cache is not None and (cached := terms.cache.find(url, accept)):
+        return cached
     own = {"Accept": f"{accept}, {JSON};q=0.1, application/problem+json", **(headers or {})}
     content = None
     if document is not None:
@@ -151,7 +151,7 @@ def follow(
     seconds
         How long to wait; None: as long as it takes.
     what
-        The name of what is followed, for those who are told the progress; nobody is told without one.
+        The name of what is followed, for those who follow the progress; without one it is not reported.
 
     Raises
     ------
@@ -161,27 +161,27 @@ def follow(
     deadline = None if seconds is None else time.monotonic() + seconds
     pause = _FIRST_LOOK
     resource = known if known is not None else (yield from ask_json(terms, "GET", path))
-    tell = _teller(terms, what)
-    tell(resource)
+    report = _reporter(terms, what)
+    report(resource)
     while resource.get("state") not in FINAL:
         if deadline is not None and time.monotonic() >= deadline:
             raise UnfinishedError(f"{path} is still {resource.get('state')} after {seconds:g} s; it goes on")
         if terms.has_events:
-            resource = yield from _listened(terms, path, resource, deadline, tell)
+            resource = yield from _listened(terms, path, resource, deadline, report)
             # A stream that broke is opened again, not at once if it keeps breaking.
             if resource.get("state") in FINAL:
                 break
         yield Pause(pause)
         pause = min(1.3 * pause, _LONGEST_LOOK)
         resource = yield from ask_json(terms, "GET", path)
-        tell(resource)
+        report(resource)
     return resource
 
 
 def _listened(
-    terms: Terms, path: str, resource: Resource, deadline: float | None, tell: Callable[[Resource], None]
+    terms: Terms, path: str, resource: Resource, deadline: float | None, report: Callable[[Resource], None]
 ) -> Operation[Resource]:
-    """Return what events told last, at the end of their stream, or when it broke."""
+    """Return the last state that came as an event, at the end of the stream, or when it broke."""
     try:
         head = yield from open_stream(f"{path}/events")
         if head.status != 200 or not head.headers.get("content-type", "").startswith(EVENTS):
@@ -194,11 +194,11 @@ def _listened(
             if name == "data":
                 data.append(value.removeprefix(" "))
             elif line == "" and data:
-                told = json.loads("\n".join(data))
+                document = json.loads("\n".join(data))
                 data = []
-                if isinstance(told, dict) and "state" in told:
-                    resource = told
-                    tell(resource)
+                if isinstance(document, dict) and "state" in document:
+                    resource = document
+                    report(resource)
                     if resource["state"] in FINAL:
                         return resource
             if deadline is not None and time.monotonic() >= deadline:
@@ -208,8 +208,8 @@ def _listened(
     return resource
 
 
-def _teller(terms: Terms, what: str) -> Callable[[Resource], None]:
-    def tell(resource: Resource) -> None:
+def _reporter(terms: Terms, what: str) -> Callable[[Resource], None]:
+    def report(resource: Resource) -> None:
         if not what or terms.progress is None:
             return
         done, total = _number(resource, "done", 0), _number(resource, "points", 1)
@@ -217,7 +217,7 @@ def _teller(terms: Terms, what: str) -> Callable[[Resource], None]:
         seconds = float(remaining) if isinstance(remaining, int | float) else None
         terms.progress(Progress(what, int(done), int(total), seconds, resource.get("state") in FINAL))
 
-    return tell
+    return report
 
 
 def _number(resource: Resource, name: str, otherwise: float) -> float:

@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 from polhode.transport.steps import Reply
 
-_KEPT_HEADERS = ("content-type", "etag", "polhode-error", "polhode-samples")
+_CACHED_HEADERS = ("content-type", "etag", "polhode-error", "polhode-samples")
 _DEFAULT_MEGABYTES = 500
 
 
@@ -22,7 +22,7 @@ class Cache:
     Parameters
     ----------
     folder
-        Made when the first answer is kept.
+        Made when the first answer is cached.
     megabytes
         The size above which the answers that were used least recently are deleted.
     """
@@ -32,7 +32,7 @@ class Cache:
         self._written = 0
 
     def find(self, url: str, accept: str) -> Reply | None:
-        """Return the answer that was kept, or None; a damaged file is none."""
+        """Return the cached answer, or None; a damaged file is none."""
         path = self._path(url, accept)
         try:
             head, _, content = path.read_bytes().partition(b"\n")
@@ -48,7 +48,7 @@ class Cache:
         """Keep an answer if it says that it never changes; a full disk is no fault."""
         if reply.status != 200 or "immutable" not in reply.headers.get("cache-control", ""):
             return
-        known = {name: reply.headers[name] for name in _KEPT_HEADERS if name in reply.headers}
+        known = {name: reply.headers[name] for name in _CACHED_HEADERS if name in reply.headers}
         head = json.dumps({**known, "length": len(reply.content)}).encode()
         with contextlib.suppress(OSError):
             self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -96,7 +96,7 @@ class Terms:
     """Seconds for which a request without an answer is sent again."""
     cache: Cache | None = None
     progress: Callable[["Progress"], None] | None = None
-    """Told how far a sweep or a list of jobs is."""
+    """Called with how far a sweep or a list of jobs is."""
     has_answered: bool = field(default=False, init=False)
     """Whether the service has ever answered; if not, its address may be wrong, and patience is short."""
     has_events: bool = field(default=True, init=False)

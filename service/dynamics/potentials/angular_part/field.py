@@ -216,8 +216,15 @@ class AngularField:
     def ball(self, g1: arb, g3: arb, order: int) -> "AngularJet[arb]":
         """Return enclosures of V1 with ``order`` ≤ 2 derivatives."""
         functions = self.F.ball(curve_ball(self.body, g1, g3), order)
-        angle = self.reference_angle.evaluate(BallAlgebra(), ())
-        values = angular_balls(self.body, self.F, order, g1, g3, angle)
+        values = angular_balls(self.body, self.F, order, g1, g3, self.angle())
+        return self.jet(g1, g3, functions, values)
+
+    def angle(self) -> arb:
+        """Return φ0."""
+        return self.reference_angle.evaluate(BallAlgebra(), ())
+
+    def jet(self, g1: arb, g3: arb, functions: tuple[arb, ...], values: tuple[arb, ...]) -> "AngularJet[arb]":
+        """Return the derivatives that follow from F, θF, ... and V1[F], V1[θF], ..."""
         return AngularJet(_Numbers.of(self, BallAlgebra()), g1, g3, functions, values)
 
 

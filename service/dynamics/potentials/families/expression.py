@@ -7,8 +7,9 @@ from functools import lru_cache
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parameters import bind
-from service.dynamics.formula.parser import LocatedTree, parse_located
-from service.dynamics.formula.tree import Symbol, post_order
+from service.dynamics.formula.parser import LocatedTree, parse, parse_located
+from service.dynamics.formula.printer import exact_tree
+from service.dynamics.formula.tree import Symbol, Tree, post_order
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.potentials.terms.bound_formula import require_parameter_names
 
@@ -40,10 +41,20 @@ def expression_potential(text: str, parameters: Mapping[str, Fraction], body: Ri
 
 @lru_cache(maxsize=FORMULAS_CACHED)
 def _made(text: str, parameters: tuple[tuple[str, Fraction], ...], body: RigidBody) -> FormulaPotential:
-    located = parse_located(text)
-    constants = dict(parameters) | _moments(located, body)
-    tree = bind(located.tree, constants, positions=located.positions)
-    return Potential.from_tree(tree, FAMILY)
+    numbers = {"A": body.A, "B": body.B, "C": body.C, **dict(parameters)}
+
+    def symbol(name: str) -> Tree:
+        number = numbers.get(name)
+        return Symbol(name) if number is None else exact_tree(number)
+
+    try:
+        return Potential.from_tree(parse(text, symbol), FAMILY)
+    except FormulaError:
+        # Where it is at fault is not known of a formula whose names are numbers already.
+        located = parse_located(text)
+        constants = dict(parameters) | _moments(located, body)
+        bind(located.tree, constants, positions=located.positions)
+        raise
 
 
 def _moments(located: LocatedTree, body: RigidBody) -> dict[str, Fraction]:

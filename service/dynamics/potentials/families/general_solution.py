@@ -8,7 +8,7 @@ and G may differ from one to the next. The energy of the motion on a curve is
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Literal, get_args
 
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.tree import Tree
+from service.dynamics.potentials.angular_part.along_curve import Curve, CurveField
 from service.dynamics.potentials.angular_part.field import AngularField
 from service.dynamics.potentials.angular_part.powers import powers_of
 from service.dynamics.potentials.potential import (
@@ -37,6 +38,8 @@ Quadrant = Literal["pp", "mp", "pm", "mm"]
 """The signs of g1 and g3, plus or minus."""
 QUADRANTS: tuple[Quadrant, ...] = get_args(Quadrant)
 SIGNS: dict[Quadrant, tuple[int, int]] = {"pp": (1, 1), "mp": (-1, 1), "pm": (1, -1), "mm": (-1, -1)}
+KNOWN = 64
+"""Bits of D below which a value along a curve is that of the integral."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,6 +216,28 @@ class GeneralPotential(Potential):
         return NoClosedFormError(
             "the potential is given by an integral and has no formula", pointer="/potential"
         )
+
+
+@dataclass(frozen=True, slots=True)
+class AlongCurve(GeneralPotential):
+    """The potential at places of one curve, in balls that are estimates where V1 is a series."""
+
+    exact: GeneralPotential = field(repr=False)
+
+    def value_and_D_ball(self, g1: arb, g2: arb, g3: arb) -> tuple[arb, arb]:
+        """See Potential.value_and_D_ball; next to a rest, where D vanishes, V1 is an integral."""
+        value, D = GeneralPotential.value_and_D_ball(self, g1, g2, g3)
+        return (value, D) if D.rel_accuracy_bits() >= KNOWN else self.exact.value_and_D_ball(g1, g2, g3)
+
+
+def along_curve(potential: GeneralPotential, curve: Curve) -> AlongCurve:
+    """Return the potential for many places of one curve."""
+    first, second, third, fourth = (
+        replace(piece, angular=CurveField(angular.body, angular.F, angular.reference_angle, curve))
+        for piece in potential.pieces
+        for angular in (piece.angular,)
+    )
+    return AlongCurve((first, second, third, fourth), potential.reference_angle, potential)
 
 
 def _filled(row: tuple[FloatArray, FloatArray, FloatArray], count: int) -> FloatArray:

@@ -26,16 +26,15 @@ class ParameterNameError(DynamicsError):
 def require_parameter_names(parameters: Iterable[str]) -> None:
     """Raise ParameterNameError, pointing at the parameter, if a name cannot be used."""
     for name in parameters:
-        # A pointer spells "~" and "/" as "~0" and "~1" (RFC 6901).
-        pointer = f"{PARAMETERS_POINTER}/{name.replace('~', '~0').replace('/', '~1')}"
         if name in RESERVED_NAMES:
-            raise ParameterNameError(
-                f"{name!r} cannot be a parameter: it has a meaning already", pointer=pointer
-            )
-        if not is_name(name):
-            raise ParameterNameError(
-                f"{name[:40]!r} is not a name: a letter or '_', then letters, digits and '_'", pointer=pointer
-            )
+            reason = f"{name!r} cannot be a parameter: it has a meaning already"
+        elif not is_name(name):
+            reason = f"{name[:40]!r} is not a name: a letter or '_', then letters, digits and '_'"
+        else:
+            continue
+        # A pointer spells "~" and "/" as "~0" and "~1" (RFC 6901).
+        place = name.replace("~", "~0").replace("/", "~1")
+        raise ParameterNameError(reason, pointer=f"{PARAMETERS_POINTER}/{place}")
 
 
 def bound_formula(

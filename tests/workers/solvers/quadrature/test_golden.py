@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from service.dynamics.motion import COLUMNS
+from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.potentials.families.gravity import gravity_potential
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from service.dynamics.solution.dense_output import Period
@@ -108,3 +109,23 @@ def test_periods_near_separatrices(text, half_period):
     # The published numbers have at least 25 digits.
     assert gap <= Fraction(found.error) + Fraction(1, 10**22)
     assert found.error <= 1e-15 * found.hi
+
+
+@pytest.mark.parametrize(("power", "written"), [("-w", "-w*(1 + w)/(1 + w)"), ("-w^2", "-exp(2*log(w))")])
+def test_an_angular_part_by_series_is_that_by_hypergeometric_functions(power, written):
+    """Where F is not seen to be a power of w, V1 is a series of its integrals along the curve."""
+    rigid_body = body(2, 1)
+    known, found = (
+        solve_planar(
+            planar(
+                rigid_body, general_potential(rigid_body, F, "0", {}), PlanarMotion(Fraction(1)), (0, 1, 10)
+            )
+        )
+        for F in (power, written)
+    )
+    assert np.abs(known.samples - found.samples).max() <= known.error + found.error
+    assert known.error + found.error < 1e-13
+    one, other = known.dense.period, found.dense.period
+    assert abs((one.hi - other.hi) + (one.lo - other.lo)) <= one.error + other.error
+    # Their roundings are those of two sums of doubles next to 6.
+    assert one.error + other.error < 1e-15

@@ -12,12 +12,12 @@ from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.verdict.verdict import decide
+from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.sweeping.parameters.family import (
     degree_in,
     energies_of,
-    potential_of,
     prove_family,
     smooth_poles,
 )
@@ -64,7 +64,7 @@ def test_members_of_a_proved_family_are_admissible(body, document, paths):
     assert prove_family(body, document, paths) is not None
     for numbers in (("1/3", "-7/5"), ("0", "11/2"), ("-1", "1")):
         member = with_values(document, dict(zip(paths, numbers, strict=True)))
-        assert decide(body, potential_of(body, member)).verdict == "admissible"
+        assert decide(body, potential_of(member, body)).verdict == "admissible"
 
 
 @pytest.mark.parametrize(
@@ -94,7 +94,7 @@ def test_constants_are_those_of_the_formula_compiled_alone():
     assert program.are_generic(rows).all()
     for found, row in zip(rows, numbers, strict=True):
         member = with_values(document, {A: str(row[0]), B: str(row[1])})
-        alone, constants = make_program(potential_of(BODY, member).tape)
+        alone, constants = make_program(potential_of(member, BODY).tape)
         assert alone.key == program.program.key
         assert np.array_equal(found, constants)
 
@@ -116,7 +116,7 @@ def test_energies_are_those_of_the_formula_of_the_member(sign):
     row = [fmpq(number.numerator, number.denominator) for number in (a, b)]
     energies = energies_of(BODY, family, motion)
     ((value, error),) = energies.rounded([row], [fmpq(square.numerator, square.denominator)])
-    verdict = decide(BODY, potential_of(BODY, with_values(document, {A: str(a), B: str(b)})))
+    verdict = decide(BODY, potential_of(with_values(document, {A: str(a), B: str(b)}), BODY))
     tape = compile_tape(parse(verdict.energy_formula), ("nu",))
     exact = tape.evaluate(Exact(), (sign * square,))
     assert value == float(exact)

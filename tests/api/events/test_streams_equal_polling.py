@@ -21,14 +21,14 @@ STEPS = ("submit", "claim", "beat", "lose", "return", "succeed", "fail", "cancel
 
 @pytest.fixture(autouse=True)
 def _often(monkeypatch):
-    """Look so often that a look falls between most steps."""
-    monkeypatch.setattr(watcher, "LOOK_SECONDS", 0.01)
+    """Poll so often that a poll falls between most steps."""
+    monkeypatch.setattr(watcher, "POLL_SECONDS", 0.01)
     monkeypatch.setattr(watcher, "GAP_SECONDS", 0.001)
-    monkeypatch.setattr(watcher, "LOOK_SHARE", 0.0)
+    monkeypatch.setattr(watcher, "POLL_SHARE", 0.0)
 
 
 class Lives:
-    """Some jobs, what polling told of each after each step, and the claims that hold."""
+    """Some jobs, what polling got of each after each step, and the claims that hold."""
 
     def __init__(self, app, jobs):
         self._app, self._jobs = app, jobs
@@ -38,10 +38,10 @@ class Lives:
 
     async def step(self, name: str, place: int, number: int) -> None:
         await asyncio.to_thread(getattr(self, f"_{name}"), place, number)
-        for job_id, told in self.polled.items():
+        for job_id, states in self.polled.items():
             document = await get(self._app, f"/v1/jobs/{job_id}")
-            if not told or told[-1] != document:
-                told.append(document)
+            if not states or states[-1] != document:
+                states.append(document)
 
     def is_final(self, job_id: str) -> bool:
         return b'"finished_at": null' not in self.polled[job_id][-1]
@@ -103,9 +103,9 @@ async def told_about(app, job_id: str, breaks: asyncio.Semaphore) -> list[Event]
                     break
 
 
-def places_in(told: Sequence[bytes], life: Sequence[bytes]) -> list[int]:
+def places_in(sent: Sequence[bytes], life: Sequence[bytes]) -> list[int]:
     """Return where in a life each of these states is; each must be in it."""
-    return [life.index(each) for each in told]
+    return [life.index(each) for each in sent]
 
 
 @settings(max_examples=examples(6, 100), suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -137,20 +137,20 @@ def test_streams_of_jobs_tell_what_polling_tells(app, jobs, steps):
             for job_id, task in following.items():
                 life = lives.polled[job_id]
                 assert lives.is_final(job_id)
-                told = [event.data for event in await task]
-                places = places_in(told, life)
+                sent = [event.data for event in await task]
+                places = places_in(sent, life)
                 assert places == sorted(set(places)), "in the order of its life, none of them twice"
-                assert told[-1] == life[-1]
+                assert sent[-1] == life[-1]
             finals = {job_id: life[-1] for job_id, life in lives.polled.items()}
             while not finals.items() <= latest(all_told).items():
                 await asyncio.sleep(0.01)
             watching.cancel()
             await asyncio.gather(watching, return_exceptions=True)
             for job_id, life in lives.polled.items():
-                told = [
+                sent = [
                     each.data for each in all_told if each.name == "job" and each.document["id"] == job_id
                 ]
-                places = places_in(told, life)
+                places = places_in(sent, life)
                 assert places == sorted(places)
 
     asyncio.run(asyncio.wait_for(live(), 120.0))
@@ -181,18 +181,18 @@ def test_a_stream_of_a_sweep_tells_its_progress_and_its_end(app, jobs):
             async with Stream(app, f"{path}/events") as stream:
                 first = await stream.next()
                 assert first.data == await get(app, path)
-                told = [first.document["done"]]
+                sent = [first.document["done"]]
                 while (await stream_progress(app, jobs, path))["state"] != "succeeded":
                     event = await stream.next()
                     assert event.name == "sweep"
-                    told.append(event.document["done"])
+                    sent.append(event.document["done"])
                 *states, end = await stream.rest()
-                told += [event.document["done"] for event in states]
+                sent += [event.document["done"] for event in states]
                 last = states[-1] if states else event
                 assert last.data == await get(app, path)
                 assert (end.name, end.document) == ("end", {"reason": "finished"})
-                assert told == sorted(told)
-                assert (told[0], told[-1]) == (0, 6)
+                assert sent == sorted(sent)
+                assert (sent[0], sent[-1]) == (0, 6)
             async with Stream(app, f"{path}/events", last_id=last.id) as again:
                 assert [event.name for event in await again.rest()] == ["end"]
 

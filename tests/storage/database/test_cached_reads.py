@@ -8,8 +8,8 @@ import threading
 import pytest
 from sqlalchemy import make_url, text
 
+from service.storage.database.cached_reads import CachedReads
 from service.storage.database.database import Database
-from service.storage.database.remembered import Remembered
 
 
 def counted(database, asked=None):
@@ -27,9 +27,9 @@ def counted(database, asked=None):
 @pytest.fixture
 def on_file(sqlite_url):
     database = Database(sqlite_url)
-    remembered = Remembered(database)
-    yield database, remembered, make_url(sqlite_url).database
-    remembered.close()
+    reads = CachedReads(database)
+    yield database, reads, make_url(sqlite_url).database
+    reads.close()
     database.close()
 
 
@@ -58,95 +58,95 @@ def commit_with_the_engine(path):
 
 @pytest.mark.parametrize("commit", [commit_here, commit_elsewhere, commit_with_the_engine])
 def test_it_is_read_once_for_each_commit(on_file, commit):
-    database, remembered, path = on_file
+    database, reads, path = on_file
     read, asked = counted(database)
-    assert remembered.at_hand(read, "a") is None
-    assert [remembered.get(read, "a") for _ in range(3)] == ["a 1"] * 3
-    assert remembered.at_hand(read, "a") == "a 1"
+    assert reads.cached(read, "a") is None
+    assert [reads.get(read, "a") for _ in range(3)] == ["a 1"] * 3
+    assert reads.cached(read, "a") == "a 1"
     commit(path)
-    assert remembered.at_hand(read, "a") is None
-    assert [remembered.get(read, "a") for _ in range(3)] == ["a 2"] * 3
+    assert reads.cached(read, "a") is None
+    assert [reads.get(read, "a") for _ in range(3)] == ["a 2"] * 3
     assert asked == ["a", "a"]
 
 
 def test_its_own_transactions_are_seen_too(on_file):
-    database, remembered, _ = on_file
+    database, reads, _ = on_file
     read, _ = counted(database)
-    remembered.get(read, "a")
+    reads.get(read, "a")
     with database.read_rows() as connection:
         connection.execute(text("SELECT count(*) FROM solutions"))
-    assert remembered.at_hand(read, "a") == "a 1"
+    assert reads.cached(read, "a") == "a 1"
     with database.write_rows() as connection:
         connection.execute(text("CREATE TABLE another (x)"))
-    assert remembered.at_hand(read, "a") is None
+    assert reads.cached(read, "a") is None
 
 
 def test_what_is_committed_while_it_is_read_is_not_taken_for_known(on_file):
-    _, remembered, path = on_file
+    _, reads, path = on_file
 
     def read(_, thing_id):
         commit_here(path)  # after the row has been read, as far as anybody can tell
         return thing_id
 
-    assert remembered.get(read, "a") == "a"
-    assert remembered.at_hand(read, "a") is None
+    assert reads.get(read, "a") == "a"
+    assert reads.cached(read, "a") is None
 
 
 def test_a_writer_at_work_keeps_nobody_waiting(on_file):
-    database, remembered, _ = on_file
+    database, reads, _ = on_file
     read, _ = counted(database)
-    remembered.get(read, "a")
+    reads.get(read, "a")
     with database.write_rows() as connection:
         connection.execute(text("CREATE TABLE another (x)"))
-        assert remembered.at_hand(read, "a") == "a 1"  # it is not committed yet
-    assert remembered.at_hand(read, "a") is None
+        assert reads.cached(read, "a") == "a 1"  # it is not committed yet
+    assert reads.cached(read, "a") is None
 
 
 def test_a_file_that_was_replaced_or_moved_is_not_known(on_file, tmp_path):
-    database, remembered, _ = on_file
+    database, reads, _ = on_file
     read, _ = counted(database)
     with database.read_rows() as connection:
         connection.execute(text("SELECT count(*) FROM solutions"))
-    remembered.get(read, "a")
+    reads.get(read, "a")
     moved = tmp_path / "moved.db"
     database.file.path.rename(moved)
-    assert remembered.at_hand(read, "a") is None
+    assert reads.cached(read, "a") is None
     database.file.path.touch()
-    assert remembered.at_hand(read, "a") is None
+    assert reads.cached(read, "a") is None
     moved.replace(database.file.path)
-    assert remembered.at_hand(read, "a") == "a 1"
+    assert reads.cached(read, "a") == "a 1"
 
 
 def test_what_was_not_asked_for_lately_goes(on_file):
     database, _, _ = on_file
-    remembered = Remembered(database, most=2)
+    reads = CachedReads(database, most=2)
     read, _ = counted(database)
     for thing in "abc":
-        remembered.get(read, thing)
-    assert [remembered.at_hand(read, thing) for thing in "abc"] == [None, "b 2", "c 3"]
-    remembered.close()
+        reads.get(read, thing)
+    assert [reads.cached(read, thing) for thing in "abc"] == [None, "b 2", "c 3"]
+    reads.close()
 
 
 def test_what_cannot_be_read_is_not_remembered(on_file):
-    _, remembered, _ = on_file
+    _, reads, _ = on_file
 
     def read(_, thing_id):
         raise LookupError(thing_id)
 
     for _ in range(2):
         with pytest.raises(LookupError):
-            remembered.get(read, "a")
-    assert remembered.at_hand(read, "a") is None
+            reads.get(read, "a")
+    assert reads.cached(read, "a") is None
 
 
 def test_threads_may_ask_at_once(on_file):
-    database, remembered, _ = on_file
+    database, reads, _ = on_file
     read, asked = counted(database)
     wrong = []
 
     def ask():
         for k in range(200):
-            found = remembered.get(read, str(k % 5))
+            found = reads.get(read, str(k % 5))
             if not found.startswith(f"{k % 5} "):
                 wrong.append(found)
 
@@ -162,9 +162,9 @@ def test_threads_may_ask_at_once(on_file):
 
 def test_postgres_is_asked_each_time(postgres_url):
     database = Database(postgres_url)
-    remembered = Remembered(database)
+    reads = CachedReads(database)
     read, _ = counted(database)
-    assert [remembered.get(read, "a") for _ in range(2)] == ["a 1", "a 2"]
-    assert remembered.at_hand(read, "a") is None
-    remembered.close()
+    assert [reads.get(read, "a") for _ in range(2)] == ["a 1", "a 2"]
+    assert reads.cached(read, "a") is None
+    reads.close()
     database.close()

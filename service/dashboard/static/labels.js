@@ -8,7 +8,7 @@ export const chosen = new Map();
 /** What became of the last change of a row, by id, where it was refused. */
 export const refused = new Map();
 
-function tell() {
+function showCount() {
   $("bulk").hidden = chosen.size === 0 && !$("bulk").contains(document.activeElement); // nobody loses the control that they are at
   $("chosen").textContent = chosen.size ? `${chosen.size} chosen` : "";
 }
@@ -19,7 +19,7 @@ export function boxOf(item) {
   return h("input", { type: "checkbox", class: "choose", "data-id": item.id, checked: chosen.has(item.id), "aria-label": `Choose ${item.id}`, onchange: ({ target }) => {
     if (target.checked) chosen.set(item.id, item);
     else chosen.delete(item.id);
-    tell();
+    showCount();
     showAll();
     say($("chosen").textContent || "nothing chosen");
   } });
@@ -42,17 +42,17 @@ export const allBox = (items) => h("input", { type: "checkbox", id: "choose-all"
     else chosen.delete(item.id);
   }
   for (const box of boxes()) box.checked = target.checked;
-  tell();
+  showCount();
   say($("chosen").textContent || "nothing chosen");
 } });
 
 export function settled() {
-  tell();
+  showCount();
   showAll();
 }
 
 /** Return labels and note of a row; a label becomes a condition. */
-export function marksOf(item, quoted, ask) {
+export function labelsOf(item, quoted, ask) {
   const labels = Object.entries(item.labels ?? {}).map(([key, value]) => h("button", { type: "button", class: "chip", onclick: () => ask(`label.${key}=${quoted(value)}`) }, `${key}: ${value}`));
   return [...labels, item.note ? h("span", { class: "hint note" }, item.note) : null, refused.has(item.id) ? h("span", { class: "fault" }, refused.get(item.id)) : null].filter(Boolean);
 }
@@ -73,7 +73,7 @@ async function change(path, item, patch) {
 
 const why = (error) => error.faults?.map(({ message }) => message).join("; ") || error.message;
 
-/** Send a patch for each chosen row, a few at a time; what fails is told with its row and stays chosen. */
+/** Send a patch for each chosen row, a few at a time; what fails is shown in its row and stays selected. */
 async function send(name, patch, renew) {
   const waiting = [...chosen.values()];
   const count = waiting.length;
@@ -88,12 +88,12 @@ async function send(name, patch, renew) {
       }
     }
   })));
-  const told = `${count - refused.size} changed${refused.size ? `, ${refused.size} not: the reasons are in their rows` : ""}`;
+  const outcome = `${count - refused.size} changed${refused.size ? `, ${refused.size} failed: the reasons are in their rows` : ""}`;
   await renew();
-  tell();
+  showCount();
   $("bulk").hidden = false;
-  $("bulk-outcome").textContent = told;
-  say(told);
+  $("bulk-outcome").textContent = outcome;
+  say(outcome);
 }
 
 /** Listen to the form of the marks. */

@@ -1,4 +1,4 @@
-"""Keeps what was read of the database as long as nobody has committed anything since.
+"""Caches what was read from the database as long as nobody has committed anything since.
 
 SQLite counts the commits of all other connections, those of other processes too, and tells
 the number from memory that all of them share (``PRAGMA data_version``): it reads no page
@@ -16,39 +16,39 @@ from service.storage.database.database import Database
 from service.storage.database.sqlite_file import DatabaseFile, DatabaseFileError
 
 MOST = 4096
-"""Things that are kept: those asked for last, a few hundred bytes each."""
+"""Cached values: those asked for last, a few hundred bytes each."""
 
-Thing = TypeVar("Thing")
-Read = Callable[[Database, str], Thing]
-"""Reads a thing by its id in one transaction; a function of a module, which names what is read."""
+Value = TypeVar("Value")
+Read = Callable[[Database, str], Value]
+"""Reads a value by the id of its resource in one transaction; a function of a module: it names the value."""
 
 
-class Remembered:
-    """Reads things, and gives them again. Thread-safe."""
+class CachedReads:
+    """Reads values, and returns them again while they are current. Thread-safe."""
 
     def __init__(self, database: Database, most: int = MOST) -> None:
         self._database = database
         self._commits = None if database.file is None else _Commits(database.file)
-        self._kept: Cache[tuple[object, str], _Kept[object]] = Cache(most)
+        self._cache: Cache[tuple[object, str], _Entry[object]] = Cache(most)
 
-    def at_hand(self, read: Read[Thing], thing_id: str) -> Thing | None:
-        """Return a thing if it is known that it is still so; this waits for no disk, and needs no thread."""
-        kept: _Kept[Thing] | None = self._kept.get((read, thing_id))  # type: ignore[assignment]
-        if kept is None or kept.commits != self._number():
+    def cached(self, read: Read[Value], resource_id: str) -> Value | None:
+        """Return a cached value if it is current, else None; this waits for no disk, and needs no thread."""
+        entry: _Entry[Value] | None = self._cache.get((read, resource_id))  # type: ignore[assignment]
+        if entry is None or entry.commits != self._number():
             return None
-        return kept.thing
+        return entry.value
 
-    def get(self, read: Read[Thing], thing_id: str) -> Thing:
-        """Return a thing as it is now, or raise what ``read`` raises."""
-        known = self.at_hand(read, thing_id)
-        if known is not None:
-            return known
+    def get(self, read: Read[Value], resource_id: str) -> Value:
+        """Return a value as it is now, or raise what ``read`` raises."""
+        value = self.cached(read, resource_id)
+        if value is not None:
+            return value
         # Before it is read: a commit in between makes it look older than it is, never newer.
         commits = self._number()
-        thing = read(self._database, thing_id)
+        value = read(self._database, resource_id)
         if commits is not None:
-            self._kept.put((read, thing_id), _Kept(thing, commits))
-        return thing
+            self._cache.put((read, resource_id), _Entry(value, commits))
+        return value
 
     def close(self) -> None:
         """Close the connection that counts."""
@@ -59,13 +59,13 @@ class Remembered:
         return None if self._commits is None else self._commits.number()
 
 
-class _Kept(Generic[Thing]):
-    """A thing, and the number of commits before it was read."""
+class _Entry(Generic[Value]):
+    """A value, and the number of commits before it was read."""
 
-    __slots__ = ("commits", "thing")
+    __slots__ = ("commits", "value")
 
-    def __init__(self, thing: Thing, commits: int) -> None:
-        self.thing, self.commits = thing, commits
+    def __init__(self, value: Value, commits: int) -> None:
+        self.value, self.commits = value, commits
 
 
 class _Commits:
@@ -77,7 +77,7 @@ class _Commits:
         self._connection: sqlite3.Connection | None = None
 
     def number(self) -> int | None:
-        """Return the number; None if it cannot be told now: whoever reads the database learns why."""
+        """Return the number; None if it cannot be read now: whoever reads the database learns why."""
         try:
             # The connection would go on counting in a file that was deleted or replaced.
             self._file.require_same()
