@@ -40,7 +40,7 @@ from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.typesetting.equations import FORMATS, Format
-from service.verdicts.documents import plan_document
+from service.verdicts.documents import UNUSUAL, plan_document
 from service.verdicts.examination import classification_of, examine_question
 
 FORMAT = "(text|latex|mathml)"
@@ -167,7 +167,8 @@ def _completed(inside: Resources, document: Document, checked: CheckedProblem, p
     problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
     accepted = Submission(problem, checked).settled(window, table)
     settled = accepted.checked.problem
-    tiers = _tiers(problem, settled, window, table)
+    is_usual = UNUSUAL.isdisjoint(str(remark["code"]) for remark in plan["remarks"])
+    tiers = _tiers(problem, settled, window, table, is_usual=is_usual)
     return {
         **plan,
         "tier": settled.accuracy.tier,
@@ -183,6 +184,8 @@ def _tiers(
     problem: Problem,
     window: Document | None,
     table: AccuracyTable,
+    *,
+    is_usual: bool,
 ) -> list[dict[str, object]]:
     """Return what each tier is expected to do with a problem, or why it refuses it."""
     tiers = list[dict[str, object]]()
@@ -190,7 +193,8 @@ def _tiers(
         refusal = None if tier == problem.accuracy.tier else _refusal_at(document, tier)
         if refusal is None and isinstance(expectation, Unavailable):
             refusal = expectation.detail
-        known = expectation if refusal is None and isinstance(expectation, Expected) else None
+        is_known = is_usual and refusal is None
+        known = expectation if is_known and isinstance(expectation, Expected) else None
         tiers.append(
             {
                 "tier": tier,

@@ -254,8 +254,9 @@ class TierPlanOut(ResponseModel):
     tier: Literal["draft", "standard", "high", "certified"] = Field(description="The tier.")
     tolerance: float = Field(description="What it promises.")
     expected_seconds: float | None = Field(
-        description="By the slowest comparable problem of the accuracy table; null if there is none. A tier"
-        " saves time only where this is less than that of the next better one."
+        description="By the slowest comparable problem of the accuracy table; null if there is none, as where"
+        " `remarks` tell that the motion is unusual (`pole_passage`, `near_rest`, `narrow_feature`,"
+        " `infinite_slope`). A tier saves time only where this is less than that of the next better one."
     )
     expected_error: float | None = Field(
         description="The largest error that a comparable solution claimed; for `certified` a proven radius."
@@ -285,9 +286,7 @@ class PlanOut(ResponseModel):
         " `integral`, `pole_passage`, `near_rest`, `narrow_feature`, `infinite_slope`, and how it ends:"
         " `collision`, `pole`, `separatrix`. Empty where nothing is known."
     )
-    expected_seconds: float | None = Field(
-        description="Expected seconds from the accuracy table of the installation; null if it lacks the tier."
-    )
+    expected_seconds: float | None = Field(description="That of the tier, among `tiers`.")
     tiers: list[TierPlanOut] = Field(description="The same problem at each tier, from draft to certified.")
     solution: str | None = Field(
         description="Id of a stored solution of this problem: a job would return it at once, `reused`."

@@ -132,7 +132,7 @@ def _of_hess(problem: Problem, placed: Placed) -> Motion:
     found = resolve_motion(
         momentum.sample, span, np.zeros(0), scale=span[1] - span[0], atol=max(PIECES_ERROR, 0.25 * own)
     )
-    own += found.moved(4.0 * EPSILON * max(map(abs, span)))
+    own += found.moved(momentum.time_error(max(map(abs, span))))
     dense = DenseOutput(COLUMNS, found.breaks, found.coefficients, None, found.error + own)
     motion = _motion(problem, placed, dense, times)
     return replace(motion, evidence={**motion.evidence, "pieces": len(found.breaks) - 1})

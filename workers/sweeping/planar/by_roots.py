@@ -107,7 +107,11 @@ class _Found:
 
     def __init__(self, loops: Records, sampling: Sampling) -> None:
         sets = len(loops)
-        self._loops, self._about, self._desk = copied(loops), new_records(FOUND, sets), new_records(WORKSPACE)
+        self._loops, self._about, self._workspace = (
+            copied(loops),
+            new_records(FOUND, sets),
+            new_records(WORKSPACE),
+        )
         self._about["panels"] = 0
         self._sampling = sampling
         is_shared = sampling.has_times and not isinstance(sampling.time, TimePeriods)
@@ -129,7 +133,7 @@ class _Found:
         columns = self._sampling.columns
         if len(columns):
             rows = self._samples[n]
-            sample_one(run.loops, run.panels, times.doubles, times.low_parts, columns, self._desk, rows)
+            sample_one(run.loops, run.panels, times.doubles, times.low_parts, columns, self._workspace, rows)
 
     def result(self) -> BlockResult:
         """Return all of them."""
