@@ -92,8 +92,9 @@ def met(
     session: Session, source: Source, conditions: Sequence[Condition], asked: Sequence[Subject] = ()
 ) -> Narrowed:
     """Return how to find all rows that meet the conditions."""
-    # Of columns the database has a good index, if not the best one, by itself.
-    for bound in (MANY, MOST) if members(source, conditions) else (MANY,):
+    # Postgres knows by itself how many rows meet a condition on a column.
+    is_told = is_postgres(session.connection()) and not members(source, conditions)
+    for bound in (MANY,) if is_told else (MANY, MOST):
         found = met_by_few(session, source, conditions, asked, bound)
         if found is not None:
             return found

@@ -103,41 +103,20 @@ def _found(search: _Search) -> list[_Row]:
     """Return the rows.
 
     They are those that meet a condition that few rows meet, or the first ones in the order of the page; if
-    these have not enough of them, what takes least: those that meet some condition, or all in the order.
+    these have not enough of them, the same with a greater bound.
     """
     lead, about = _led(search)
-    if lead is not None and len(about) == len(search.conditions):
-        return _walked(search) or []
+    sorted_by = [key.subject for key in search.keys]
     bound = MANY
-    while bound <= MOST:
-        sorted_by = [key.subject for key in search.keys]
+    while bound <= MOST and (lead is None or len(about) < len(search.conditions)):
         few = met_by_few(search.session, search.source, search.conditions, sorted_by, bound)
-        if bound > MANY and _is_shorter(search, bound if few is None or few.cost is None else few.cost):
-            break
         if few is not None:
             return _sorted(search, few)
-        rows = _walked(search, window=MANY) if bound == MANY else None
+        rows = _walked(search, window=bound)
         if rows is not None:
             return rows
         bound *= FURTHER
     return _walked(search) or []
-
-
-def _is_shorter(search: _Search, cost: int) -> bool:
-    """Tell whether all rows can be read in their order at less than a cost."""
-    lead, about = _led(search)
-    if lead is None:
-        return False
-    tried = _tried_in_rows(search, lead, about)
-    others = members(search.source, tried)
-    collected = [each for about_one in others for each in about_one]
-    each = 1 if lead != ID and all(condition in collected for condition in tried) else ROW
-    cost -= sum(entries(search.session, search.source, about_one, cost) for about_one in others)
-    if cost <= 0:
-        return False
-    index, led = _index_of(search, lead, about)
-    some = index.select(index.id).where(*index.always, *led).limit(cost // each + 1).subquery()
-    return each * (search.session.scalar(select(func.count()).select_from(some)) or 0) < cost
 
 
 def _sorted(search: _Search, few: Narrowed) -> list[_Row]:
@@ -199,7 +178,8 @@ def _led(search: _Search) -> tuple[Subject | None, list[Condition]]:
     first = search.keys[0].subject
     if not search.source.has_index_of(first):
         return None, list(search.conditions)
-    known = [first, *(key.subject for key in search.missing)]
+    missing = [key.subject for key in search.missing if search.source.is_covered(key.subject)]
+    known = [first, *missing]
     return first, [each for each in search.conditions if each.subject in known]
 
 
@@ -218,12 +198,21 @@ def _tried_in_rows(search: _Search, lead: Subject, about: Sequence[Condition]) -
     return [each for each in search.conditions if each not in about and not view.is_covered(each.subject)]
 
 
+def _collected(
+    search: _Search, lead: Subject, about: Sequence[Condition], window: int | None
+) -> list[list[Condition]]:
+    """Return those of these conditions whose rows are collected from tables of their own, in a window few."""
+    found = members(search.source, _tried_in_rows(search, lead, about))
+    if window is None:
+        return found
+    return [each for each in found if entries(search.session, search.source, each, window) <= window]
+
+
 def _in_order(search: _Search, window: int | None) -> list[_Row] | None:
     """Return rows that all have a value in the first column of their order."""
     session, source, conditions, keys = search.session, search.source, search.conditions, search.keys
     lead, about = _led(search)
-    tried = [] if lead is None else _tried_in_rows(search, lead, about)
-    others = [] if window is not None else members(source, tried)
+    others = [] if lead is None else _collected(search, lead, about, window)
     view = source
     if lead is not None and source.attached(lead) is not None:
         collected = [each for about_one in others for each in about_one]
@@ -238,19 +227,26 @@ def _in_order(search: _Search, window: int | None) -> list[_Row] | None:
     statement = _selected(view, order).where(*given)
     last = None
     if window is not None and lead is not None and len(about) < len(conditions):
-        last = _end_of_window(search, lead, about, window)
+        last = _end_of_window(search, lead, about, others, window)
         if last is not None:
             statement = statement.where(order[0].not_after(last))
     rows = _read(search, statement, order, [*sorting_of(led_by), *sorting_of(order)])
     return None if last is not None and len(rows) < search.wanted else rows
 
 
-def _end_of_window(search: _Search, lead: Subject, about: Sequence[Condition], window: int) -> Value | None:
+def _end_of_window(
+    search: _Search,
+    lead: Subject,
+    about: Sequence[Condition],
+    others: Sequence[Sequence[Condition]],
+    window: int,
+) -> Value | None:
     """Return the value at which a window of the index of the order ends, None if it reaches to the end."""
     index, led = _index_of(search, lead, about)
     first = order_of(search.session, index, search.keys[:1])[0].present
     begin = [first.not_before(search.after[0])] if search.after and search.after[0] is not None else []
-    has_all = lead != ID and not _tried_in_rows(search, lead, about)
+    collected = [each for about_one in others for each in about_one]
+    has_all = lead != ID and all(each in collected for each in _tried_in_rows(search, lead, about))
     size = window if has_all else window // ROW
     statement = index.select(first.expression).where(*index.always, *led, *begin)
     found: Value | None = search.session.scalar(
