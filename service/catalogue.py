@@ -2,6 +2,7 @@
 
 from service.dynamics.classical.catalogue import CASES
 from service.dynamics.classical.protocol import ClassicalCase
+from service.schemas.reading.documents import Document
 from service.schemas.replies.installation import CaseOut, ClassicalOut, FamilyOut
 
 YEHIA = (
@@ -11,11 +12,11 @@ YEHIA = (
 
 
 def planar_example(
-    body: dict[str, object],
-    potential: dict[str, object],
-    motion: dict[str, object],
-    time: dict[str, object] | None = None,
-) -> dict[str, object]:
+    body: Document,
+    potential: Document,
+    motion: Document,
+    time: Document | None = None,
+) -> Document:
     """Return a problem document: a planar motion, by default over two periods."""
     return {
         "body": body,
@@ -117,14 +118,14 @@ def classical() -> list[ClassicalOut]:
     return [*(_row(case) for case in CASES.values()), _not_obtained()]
 
 
-def example_of(case: ClassicalCase) -> dict[str, object]:
+def example_of(case: ClassicalCase) -> Document:
     """Return a problem document: two periods, or ten units of time where the motion does not close."""
-    given: dict[str, object] = dict(case.example)
+    given: Document = dict(case.example)
     body = {name: given.pop(name) for name in "ABC" if name in given}
     centre = {name: given.pop(name) for name in "abc" if name in given}
-    potential: dict[str, object] = {"type": "gravity", **centre}
-    motion: dict[str, object] = {"type": "classical", "case": case.name, **given}
-    time: dict[str, object] = {"periods": 2} if case.form == "loop" else {"stop": 10}
+    potential: Document = {"type": "gravity", **centre}
+    motion: Document = {"type": "classical", "case": case.name, **given}
+    time: Document = {"periods": 2} if case.form == "loop" else {"stop": 10}
     return {
         "body": body,
         "potential": potential,

@@ -91,7 +91,7 @@ class Sandbox:
         self.is_closed = False
         self._context = multiprocessing.get_context("forkserver")
         # "__main__" makes the fork server import the main module once, instead of every child.
-        self._context.set_forkserver_preload(["service.spared", "__main__", *preload])
+        self._context.set_forkserver_preload(["service.gc_tuning", "__main__", *preload])
         self._seats = [_Seat(self._new_pool()) for _ in range(workers)]
         self._leaving: list[ProcessPool] = []
         """Children without a slot: not there yet, or with a last call."""
@@ -344,8 +344,8 @@ def lack_of_room(*, tasks: int, megabytes: int) -> str | None:
         return f"the limit of {most} processes and threads (ulimit -u) is too low: {tasks} are needed"
     room, _ = resource.getrlimit(resource.RLIMIT_AS)
     if room != resource.RLIM_INFINITY and room < megabytes * _MB:
-        found = f"the limit of {room // _MB} MB of address space (ulimit -v)"
-        return f"{found} is too low: {megabytes} MB are needed"
+        limit = f"the limit of {room // _MB} MB of address space (ulimit -v)"
+        return f"{limit} is too low: {megabytes} MB are needed"
     return None
 
 

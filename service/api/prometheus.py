@@ -20,11 +20,11 @@ from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from prometheus_client.registry import Collector
 from sqlalchemy.exc import SQLAlchemyError
 
+from service.api.verdicts.examiner import CachedExaminations
 from service.jobs.records import AttemptOutcome, JobKind
 from service.local.workers import WorkerStanding
 from service.logs import Complaints
 from service.storage.upkeep.statistics import BOUNDS, LIVE, Durations, Figures, Statistics
-from service.verdicts.memory import KeptExaminations
 
 logger = logging.getLogger(__name__)
 
@@ -43,7 +43,7 @@ class Metrics:
         *,
         version: str,
         local_worker: Callable[[], WorkerStanding] | None = None,
-        kept: KeptExaminations | None = None,
+        kept: CachedExaminations | None = None,
     ) -> None:
         self._registry = CollectorRegistry()
         self._requests = Histogram(
@@ -58,7 +58,7 @@ class Metrics:
         if local_worker is not None:
             self._registry.register(WorkerCollector(local_worker))
         if kept is not None:
-            self._registry.register(KeptCollector(kept))
+            self._registry.register(CacheCollector(kept))
         ProcessCollector(registry=self._registry)
 
     def observe(self, method: str, route: str, status: int, seconds: float) -> None:
@@ -88,10 +88,10 @@ class WorkerCollector(Collector):
         yield GaugeMetricFamily("polhode_local_worker_pause_seconds", says, now.seconds_to_start or 0.0)
 
 
-class KeptCollector(Collector):
+class CacheCollector(Collector):
     """Counts how often verdicts and windows were cached already."""
 
-    def __init__(self, kept: KeptExaminations) -> None:
+    def __init__(self, kept: CachedExaminations) -> None:
         self._kept = kept
 
     def collect(self) -> Iterator[Metric]:

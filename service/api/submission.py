@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
+from typing import Any
 
 from starlette.concurrency import run_in_threadpool
 
@@ -24,8 +25,8 @@ from service.schemas.problem.budgets import window_of
 from service.schemas.problem.documents import JobIn
 from service.schemas.problem.problem import check_problem
 from service.schemas.problem.rules import CheckedProblem
+from service.schemas.reading.annotation import split_annotation
 from service.schemas.reading.documents import Fault, InvalidProblemError, first_of
-from service.schemas.reading.marks import split_marks
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.verdicts.cache_rows import keys_of
@@ -48,15 +49,14 @@ def needs_verdict(checked: CheckedProblem) -> bool:
     return isinstance(checked.problem.motion, PlanarMotion)
 
 
-def check(document: object, settings: Settings) -> Submission:
+def check(document: Any, settings: Settings) -> Submission:  # noqa: ANN401 (what a client sent)
     """Validate the document of one problem, which takes a while for a large one. Raises its refusal."""
     checked = check_problem(document, JobIn)
     check_problem_samples(checked.problem, settings)
-    assert isinstance(document, dict)
-    stated, marks = split_marks(document)
+    stated, annotation = split_annotation(document)
     if not needs_verdict(checked):
-        return Submission(stated, checked, marks)
-    return Submission(stated, checked, marks, keys_of(checked.canonical), json.dumps(stated))
+        return Submission(stated, checked, annotation)
+    return Submission(stated, checked, annotation, keys_of(checked.canonical), json.dumps(stated))
 
 
 def check_each(documents: Sequence[object], settings: Settings) -> list[Submission | ApiError]:
@@ -90,13 +90,13 @@ async def accept(inside: Resources, problem: Submission, holder: ApiKey | None) 
 
     def prepare() -> tuple[AccuracyTable | None, Mapping[str, str]]:
         table = _reserve(inside, holder, [problem])
-        return table, {} if problem.keys is None else inside.examiner.kept([problem])
+        return table, {} if problem.keys is None else inside.examiner.cached([problem])
 
-    table, kept = await run_in_threadpool(prepare)
+    table, cached = await run_in_threadpool(prepare)
     if problem.keys is not None:
         claimant = Claimant(None if holder is None else holder.id)
         found = inside.examiner.known(problem)
-        problem = found or (await inside.examiner.examine([problem], claimant, kept=kept))[0]
+        problem = found or (await inside.examiner.examine([problem], claimant, cached=cached))[0]
     window = window_of(problem.verdict)
     return problem if table is None else await run_in_threadpool(problem.settled, window, table)
 

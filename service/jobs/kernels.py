@@ -2,11 +2,11 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
-from typing import Literal
+from typing import Any, Literal  # Any: a summary, which may be damaged
 
 KERNELS = 315
 """How many functions are translated or made machine code of, each for the types of its arguments, as counted:
-what is told as to be done."""
+what is reported as to be done."""
 PLAIN_POINT_SECONDS = 0.1
 """Seconds that a point takes without kernels: 0.01 to 0.2."""
 LARGEST_STATES = 1e-10
@@ -86,10 +86,9 @@ def most_missing(kernels: Iterable[Kernels]) -> Kernels | None:
     return min(kernels, key=lambda each: (each.fault is None, each.done - each.of), default=None)
 
 
-def told_way(summary: Mapping[str, object]) -> Way:
-    """Return the way that a solution tells; before it was told, there was one."""
-    told = summary.get("provenance")
-    return "plain" if isinstance(told, Mapping) and told.get("way") == "plain" else "compiled"
+def way_of_solution(summary: Mapping[str, Any]) -> Way:
+    """Return the way that a solution was computed on; before it was recorded, there was one."""
+    return "plain" if (summary.get("provenance") or {}).get("way") == "plain" else "compiled"
 
 
 def way_of_sweep(document: Mapping[str, object], points: int, kernels: Kernels | None) -> Way:

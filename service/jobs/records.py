@@ -7,7 +7,9 @@ from enum import StrEnum
 
 from service.jobs.queue import Lane
 from service.schemas.query.conditions import Value
-from service.schemas.reading.marks import UNMARKED, Marks
+from service.schemas.reading.annotation import UNANNOTATED, Annotation
+from service.schemas.reading.documents import Document
+from service.schemas.replies.summary import SolutionSummary
 
 
 class JobKind(StrEnum):
@@ -104,7 +106,7 @@ def pause_after(losses: int, first_seconds: float, spread: float) -> float:
 class Solved:
     """The solution of one problem document."""
 
-    summary: dict[str, object]
+    summary: SolutionSummary
     dense: bytes
     """The function of time, encoded by :mod:`service.storage.codecs.packing`; so are the samples."""
     samples: bytes
@@ -128,7 +130,7 @@ class StoredSolution:
 class Refused:
     """Why one problem document has no solution."""
 
-    error: dict[str, object]
+    error: Document
     """Holds at least ``code`` and ``detail``."""
 
 
@@ -155,14 +157,14 @@ class ChunkOutcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Drawn:
+class AtlasResult:
     """The atlas that a document asked for."""
 
     data: bytes
     """Encoded by :mod:`service.storage.codecs.packing`."""
 
 
-Outcome = SolveOutcome | ChunkOutcome | Drawn
+Outcome = SolveOutcome | ChunkOutcome | AtlasResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,7 +193,7 @@ class Job:
     finished_at: datetime | None
     key_id: str | None
     """Id of the key that submitted it; None if there were no keys."""
-    marks: Marks = UNMARKED
+    annotation: Annotation = UNANNOTATED
     kind: JobKind = JobKind.SOLVE
 
     @property
@@ -239,7 +241,7 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True)
-class Taken:
+class ClaimedJobs:
     """Jobs that a worker has been given."""
 
     claims: tuple[Claim, ...] = ()
@@ -267,11 +269,11 @@ class JobPage:
 
     jobs: tuple[Job, ...]
     total: int | None
-    """How many there are in all, if that was wanted."""
+    """Number of all of them, if that was wanted."""
     values: tuple[tuple[Value | None, ...], ...] = ()
     """The wanted columns of each, in place of the jobs."""
     next: tuple[Value | None, ...] | None = None
-    """Where the following page begins; None if there is none."""
+    """Values at which the following page begins; None if there is none."""
 
 
 POINTS_PER_JOB = 100
@@ -307,7 +309,7 @@ class SweepProgress:
     finished_at: datetime | None
     way: str | None
     """The way to compute all its points, ``compiled`` or ``plain``; None until its first chunk is claimed."""
-    marks: Marks
+    annotation: Annotation
 
 
 @dataclass(frozen=True, slots=True)
@@ -323,11 +325,11 @@ class SweepPage:
 
     sweeps: tuple[SweepProgress, ...]
     total: int | None
-    """How many there are in all, if that was wanted."""
+    """Number of all of them, if that was wanted."""
     values: tuple[tuple[Value | None, ...], ...] = ()
     """The wanted columns of each, in place of the sweeps."""
     next: tuple[Value | None, ...] | None = None
-    """Where the following page begins; None if there is none."""
+    """Values at which the following page begins; None if there is none."""
 
 
 class SweepNotFoundError(LookupError):

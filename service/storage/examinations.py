@@ -1,15 +1,16 @@
 """The store of verdicts and windows that were found before; one method is one transaction."""
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from sqlalchemy import Connection, bindparam, delete, func, or_, select
 from sqlalchemy.dialects import postgresql, sqlite
 
+from service.schemas.reading.documents import Document
 from service.storage.database.database import Database, is_postgres
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.operations import ExaminationRow
-from service.verdicts.cache_rows import Entry, examination_version, is_sound, seal_of
+from service.verdicts.cache_rows import CacheRow, checksum_of, examination_version, is_sound
 
 logger = logging.getLogger(__name__)
 
@@ -65,7 +66,7 @@ def sound_content(key: str, content: bytes, seal: str) -> str | None:
     return content.decode()
 
 
-def store_rows(connection: Connection, entries: Iterable[Entry]) -> None:
+def store_rows(connection: Connection, entries: Iterable[CacheRow]) -> None:
     """Write entries that are not there yet; equal keys have equal contents."""
     # In the order of their keys: two processes that write the same ones must not wait for each other.
     rows = [_row(entry) for entry in sorted(_missing(connection, entries), key=lambda entry: entry.key)]
@@ -73,7 +74,7 @@ def store_rows(connection: Connection, entries: Iterable[Entry]) -> None:
         connection.execute(_STORE_POSTGRES if is_postgres(connection) else _STORE_SQLITE, rows)
 
 
-def _missing(connection: Connection, entries: Iterable[Entry]) -> list[Entry]:
+def _missing(connection: Connection, entries: Iterable[CacheRow]) -> list[CacheRow]:
     """Return the entries that are not there, or damaged, or were not used for a day.
 
     Looking first spares the lock that Postgres takes on every row it tries to write: all who submit problems
@@ -88,13 +89,13 @@ def _missing(connection: Connection, entries: Iterable[Entry]) -> list[Entry]:
     return list(wanted.values())
 
 
-def _row(entry: Entry) -> Mapping[str, object]:
+def _row(entry: CacheRow) -> Document:
     content = entry.content.encode()
     return {
         "key": entry.key,
         "version": examination_version(),
         "content": content,
-        "seal": seal_of(entry.key, content),
+        "seal": checksum_of(entry.key, content),
     }
 
 
@@ -119,7 +120,7 @@ class ExaminationStore:
                 connection.execute(delete(_ROWS).where(_ROWS.c.key.in_(damaged)))
         return found
 
-    def add(self, entries: Sequence[Entry]) -> None:
+    def add(self, entries: Sequence[CacheRow]) -> None:
         """Store entries, unless they are stored already."""
         with self._database.write_rows() as connection:
             store_rows(connection, entries)

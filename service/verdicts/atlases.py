@@ -14,28 +14,28 @@ from service.dynamics.atlas.parts import Atlas, AtlasPart, Change, Proof
 from service.dynamics.bounds import printed_error
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
-from service.schemas.atlas.reading import AtlasQuestion, trusted_atlas
-from service.schemas.reading.documents import Part
+from service.schemas.atlas.reading import AtlasRequest, trusted_atlas
+from service.schemas.reading.documents import Document, Part
 from service.verdicts.cached import verdict_deadline
-from service.verdicts.documents import Document, verdict_document
+from service.verdicts.documents import verdict_document
 from service.verdicts.refusals import answer_or_refusal, deadline, refusal_of_verdict
 
 PROCESSOR_SECONDS, SECONDS = 4.0, 6.0
-"""After either limit what is not proved is told as undecided; following the windows takes time too."""
+"""After either limit what is not proved is reported as undecided; following the windows takes time too."""
 JOB_PROCESSOR_SECONDS, JOB_SECONDS = 60.0, 120.0
 """The same limits of a job, for which nobody waits."""
 
 
 @dataclass(slots=True)
-class _Bell:
-    """Tells whether the time is over, and remembers that it has told so."""
+class _Deadline:
+    """Tells whether the time is over; once it has said so, it always does."""
 
     is_over: Callable[[], bool]
-    has_rung: bool = False
+    was_reached: bool = False
 
     def __call__(self) -> bool:
-        self.has_rung = self.has_rung or self.is_over()
-        return self.has_rung
+        self.was_reached = self.was_reached or self.is_over()
+        return self.was_reached
 
 
 def examine_atlas(document_json: str) -> str:
@@ -62,31 +62,31 @@ def _answer(document_json: str, judge: Callable[[Part], Document]) -> str:
 
 
 def _draw(document: Part, *, processor: float, clock: float) -> Document:
-    asked = trusted_atlas(document)
-    verdict, refused = _judge(asked)
+    request = trusted_atlas(document)
+    verdict, refused = _judge(request)
     if refused:
         return refused
-    is_late = _Bell(deadline(processor, clock))
-    potential = simplified(asked.potential)
+    is_late = _Deadline(deadline(processor, clock))
+    potential = simplified(request.potential)
     atlas = make_atlas(
-        asked.body, potential, asked.range, asked.samples, is_late, has_periods=asked.wants_period
+        request.body, potential, request.range, request.samples, is_late, has_periods=request.wants_period
     )
-    found = {"verdict": verdict.verdict, **atlas_document(atlas, asked)}
-    return {"verdict": found, "is_late": bool(atlas.undecided) and is_late.has_rung}
+    found = {"verdict": verdict.verdict, **atlas_document(atlas, request)}
+    return {"verdict": found, "is_late": bool(atlas.undecided) and is_late.was_reached}
 
 
-def _judge(asked: AtlasQuestion) -> tuple[Verdict, Document]:
+def _judge(request: AtlasRequest) -> tuple[Verdict, Document]:
     """Return the verdict on the potential, and the refusal if it has no atlas, else an empty document."""
-    verdict = decide(asked.body, asked.potential, verdict_deadline())
-    answer = verdict_document(asked.body, verdict, asked.potential)
-    return verdict, refusal_of_verdict(verdict, answer, asked.accepts_undecided) or {}
+    verdict = decide(request.body, request.potential, verdict_deadline())
+    answer = verdict_document(request.body, verdict, request.potential)
+    return verdict, refusal_of_verdict(verdict, answer, request.accepts_undecided) or {}
 
 
-def atlas_document(atlas: Atlas, asked: AtlasQuestion) -> Document:
+def atlas_document(atlas: Atlas, request: AtlasRequest) -> Document:
     """Return the atlas as JSON members."""
     return {
-        "lambda": [float(asked.range.lower), float(asked.range.upper)],
-        "parts": [_part(part, atlas.proof, wants_period=asked.wants_period) for part in atlas.parts],
+        "lambda": [float(request.range.lower), float(request.range.upper)],
+        "parts": [_part(part, atlas.proof, wants_period=request.wants_period) for part in atlas.parts],
         "changes": [_change(change, atlas.proof) for change in atlas.changes],
         "undecided": [[float(end.mid()) for end in ends] for ends in atlas.undecided],
     }
@@ -108,8 +108,8 @@ def _part(part: AtlasPart, proof: Proof, *, wants_period: bool) -> Document:
 def _samples(series: WindowSeries, *, wants_period: bool) -> Document:
     return {
         "lambda": series.lambda_.tolist(),
-        "energy": _known(series.energy.value.tolist()),
-        "energy_error": _known(series.energy.error.tolist()),
+        "energy": _finite(series.energy.value.tolist()),
+        "energy_error": _finite(series.energy.error.tolist()),
         "windows": [_window(band, wants_period=wants_period) for band in series.bands],
     }
 
@@ -123,20 +123,20 @@ def _window(band: Band, *, wants_period: bool) -> Document:
         "has_mirror_image": len(band.window.arcs) > 1,
         **_pair("g1", band.g1),
         **_pair("g2", band.g2),
-        "period": _known(band.period.value.tolist()) if has_period else None,
-        "period_error": _known(band.period.error.tolist()) if has_period else None,
+        "period": _finite(band.period.value.tolist()) if has_period else None,
+        "period_error": _finite(band.period.error.tolist()) if has_period else None,
         "stability": None,
     }
 
 
 def _pair(name: str, pair: tuple[Measured, Measured]) -> Document:
     return {
-        name: [_known(each.value.tolist()) for each in pair],
-        f"{name}_error": [_known(each.error.tolist()) for each in pair],
+        name: [_finite(each.value.tolist()) for each in pair],
+        f"{name}_error": [_finite(each.error.tolist()) for each in pair],
     }
 
 
-def _known(values: Sequence[float]) -> list[float | None]:
+def _finite(values: Sequence[float]) -> list[float | None]:
     return [value if isfinite(value) else None for value in values]
 
 
@@ -153,7 +153,7 @@ def _change(change: Change, proof: Proof) -> Document:
 def _enclosed(lower: arb, upper: arb) -> Document:
     both = lower.union(upper)
     middle = float(both.mid())
-    # The distance from the double that is told to either end.
+    # The distance from the double that is written to either end.
     error = max(abs(float((end - arb(middle)).abs_upper())) for end in (lower, upper))
     return {"value": middle, "error": printed_error(middle, error * (1.0 + 2.0**-50))}
 

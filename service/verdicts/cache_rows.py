@@ -7,22 +7,22 @@ its checksum, and found anew.
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
 from service.dynamics.numerics import NUMERICS
+from service.schemas.reading.documents import Part
 from service.versions import version_of
 
 
-def seal_of(key: str, content: bytes) -> str:
-    """Return the checksum, in hexadecimal, of an entry; it covers the key: entries cannot be swapped."""
+def checksum_of(key: str, content: bytes) -> str:
+    """Return the checksum, in hexadecimal, of a row; it covers the key: rows cannot be swapped."""
     return hashlib.sha256(key.encode() + b"\n" + content).hexdigest()
 
 
-def is_sound(key: str, content: bytes, seal: str) -> bool:
-    """Tell whether an entry is as it was when it was sealed."""
-    return seal_of(key, content) == seal
+def is_sound(key: str, content: bytes, checksum: str) -> bool:
+    """Tell whether a row is as it was written."""
+    return checksum_of(key, content) == checksum
 
 
 EXAMINATION_CODE = 2
@@ -33,7 +33,7 @@ _OF_CURVE = ("type", "lambda", "nu", "g1_sign", "g3_sign")
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class CacheRow:
     """A verdict or the windows of a curve, as JSON text, under its key."""
 
     key: str
@@ -53,7 +53,7 @@ class Examination:
 
 @dataclass(frozen=True, slots=True)
 class ExaminationKeys:
-    """The keys of what is kept of one problem."""
+    """The keys of what is cached of one problem."""
 
     verdict: str
     windows: str
@@ -63,19 +63,16 @@ class ExaminationKeys:
 
 @cache
 def examination_version() -> str:
-    """Return the versions of all that computes verdicts and windows: entries of another one are not used."""
+    """Return the versions of all that computes verdicts and windows: rows of another one are not used."""
     parts = (version_of("polhode"), NUMERICS, EXAMINATION_CODE, version_of("python-flint"))
     return "/".join(map(str, parts))
 
 
-def keys_of(canonical: Mapping[str, object]) -> ExaminationKeys:
+def keys_of(canonical: Part) -> ExaminationKeys:
     """Return the keys of a canonical problem with a planar motion."""
     setting, motion = _setting(canonical), canonical["motion"]
-    assert isinstance(motion, Mapping)
     curve = {name: motion[name] for name in _OF_CURVE if name in motion}
-    time = canonical["time"]
-    assert isinstance(time, Mapping)
-    ways = [canonical["method"] == "integration", "periods" in time, canonical.get("accept")]
+    ways = [canonical["method"] == "integration", "periods" in canonical["time"], canonical.get("accept")]
     return ExaminationKeys(
         verdict=_key("verdict", *setting),
         windows=_key("windows", *setting, curve),
@@ -83,10 +80,9 @@ def keys_of(canonical: Mapping[str, object]) -> ExaminationKeys:
     )
 
 
-def _setting(canonical: Mapping[str, object]) -> tuple[object, ...]:
+def _setting(canonical: Part) -> tuple[object, ...]:
     """Return the moments and the potential; B only where a formula may name it: it plays no other part."""
     body, potential = canonical["body"], canonical["potential"]
-    assert isinstance(body, Mapping)
     names_B = "B" in json.dumps(potential)
     return body["A"], body["C"], body["B"] if names_B else None, potential
 

@@ -28,6 +28,7 @@ from service.dynamics.verdict.refutations.counterexample import Counterexample, 
 from service.dynamics.verdict.refutations.jumps import Jump
 from service.dynamics.verdict.simple_form import is_simplified, simplified, with_simpler
 from service.dynamics.verdict.verdict import NumericEvidence, Verdict, decide
+from service.schemas.reading.documents import Document
 from service.verdicts.refusals import deadline
 
 Written = list[object]
@@ -65,8 +66,6 @@ def read_ball(written: list[Any]) -> arb:
     # half a unit less than the radius becomes the radius.
     return arb(mid, ((rad << shift + 1) - 1, scale - shift - 1))
 
-
-Document = dict[str, object]
 
 _POINT = ("g1", "g2", "g3", "c", "P")
 
@@ -217,8 +216,8 @@ def verdict_deadline() -> Callable[[], bool]:
     return deadline(VERDICT_PROCESSOR_SECONDS, VERDICT_SECONDS)
 
 
-class Kept:
-    """Contents that are kept, by their keys, and those that were found besides."""
+class ResultCache:
+    """Cached results by their keys, and those that were found besides."""
 
     def __init__(self, contents: Mapping[str, str], ahead: Iterable[Ahead] = ()) -> None:
         self._contents = contents
@@ -262,17 +261,17 @@ class Kept:
         """
         content = None if key is None else self._contents.get(key)
         if content is not None:
-            kept = read_windows(content, body, potential, motion)
+            cached = read_windows(content, body, potential, motion)
             # For whatever else in this process asks for them.
-            remember_windows(body, kept[0].arcs[0].loop.potential if kept else potential, motion, kept)
-            return kept
+            remember_windows(body, cached[0].arcs[0].loop.potential if cached else potential, motion, cached)
+            return cached
         potential = simplified(potential)
         if key in self._curves and key not in self._together:
             self._look_ahead(key, body, potential)
-        known = None if key is None else self._together.get(key)
-        if isinstance(known, DynamicsError):
-            raise known.with_traceback(None)
-        windows = find_windows(body, potential, motion) if known is None else known
+        found = None if key is None else self._together.get(key)
+        if isinstance(found, DynamicsError):
+            raise found.with_traceback(None)
+        windows = find_windows(body, potential, motion) if found is None else found
         if key is not None:
             written = write_windows(windows)
             if written is not None:

@@ -34,8 +34,7 @@ from service.dynamics.verdict.own_curve import InadmissibleMotionError
 from service.dynamics.verdict.refutations.counterexample import Counterexample
 from service.dynamics.verdict.refutations.jumps import Jump
 from service.dynamics.verdict.verdict import Verdict
-
-Document = dict[str, object]
+from service.schemas.reading.documents import Document
 
 NAMELESS = NamedFormulas()
 W_POINTS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
@@ -276,7 +275,7 @@ USUAL = 128
 MOST, MOST_OF_INTEGRAL = 4096, 256
 """Terms that are counted at most; each takes a value of V."""
 PLACES = 257
-"""Between the ends of a motion, where parts of a formula are asked for their signs."""
+"""Between the ends of a motion, where the signs of parts of a formula are looked at."""
 NEXT_TO_POLE = 1e-9
 INSIDE = 1e-6
 """Distance in g2 from an end of the motion at which a place is inside of it."""
@@ -289,10 +288,10 @@ def remarks_on(problem: Problem, window: Window) -> tuple[Notice, ...]:
     if problem.method == "integration" or not isinstance(problem.motion, PlanarMotion):
         return ()
     arc, *_ = window.arcs
-    told = [*_of_potential(arc.loop.potential), *_of_ends(window), *_of_near_rests(arc), *_of_slopes(arc)]
+    remarks = [*_of_potential(arc.loop.potential), *_of_ends(window), *_of_near_rests(arc), *_of_slopes(arc)]
     is_rough = bool(arc.poles) and not arc.loop.is_smooth_at_poles()
     if is_rough:
-        told.append(
+        remarks.append(
             Notice(
                 "pole_passage",
                 f"the motion passes a pole, where V or the motion is no power series (A/C or C/A is "
@@ -301,8 +300,8 @@ def remarks_on(problem: Problem, window: Window) -> tuple[Notice, ...]:
             )
         )
     elif window.kind == "periodic":
-        told += _of_width(arc)
-    return tuple(told)
+        remarks += _of_width(arc)
+    return tuple(remarks)
 
 
 def _of_potential(potential: Potential) -> list[Notice]:

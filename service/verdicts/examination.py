@@ -32,11 +32,10 @@ from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.problem.questions import Question, trusted_question
 from service.schemas.problem.trusted import centre_of, trusted_problem
-from service.schemas.reading.documents import Part
-from service.verdicts.cached import Kept, Keys, verdict_deadline
+from service.schemas.reading.documents import Document, Part
+from service.verdicts.cached import Keys, ResultCache, verdict_deadline
 from service.verdicts.documents import (
     NAMELESS,
-    Document,
     Points,
     decomposition_document,
     decomposition_of,
@@ -112,7 +111,7 @@ def examine_problem(document_json: str, *, explains: bool = True) -> str:
 class Examined:
     """The answer of :func:`examine_problem`, and results that need not be found again in the same process."""
 
-    answer: Document
+    answer: Part
     problem: Problem | None
     """The problem that was read; None if the document states none."""
 
@@ -121,12 +120,12 @@ def examine_document(
     document: Part,
     *,
     explains: bool = True,
-    kept: Kept | None = None,
+    cache: ResultCache | None = None,
     read: Callable[[Part], Problem] = trusted_problem,
 ) -> Examined:
     """Answer as :func:`examine_problem`, and hand on what was read and found on the way.
 
-    Those who examine many problems of one body and potential hand over a ``kept``, which keeps the verdict.
+    Those who examine many problems of one body and potential hand over a ``cache``, which has the verdict.
     A document that nobody has validated is ``read`` by who does.
     """
     searches = Searches(1 if explains else 0)
@@ -135,52 +134,52 @@ def examine_document(
     def judge(document: Part) -> Answer:
         nonlocal problem
         problem = read(document)
-        if kept is None:
-            return _judge_problem(problem, Kept({}), (None, None), searches)
+        if cache is None:
+            return _judge_problem(problem, ResultCache({}), (None, None), searches)
         what = json.dumps([document["body"], document["potential"]], sort_keys=True)
-        return _judge_problem(problem, kept, (what, None), searches)
+        return _judge_problem(problem, cache, (what, None), searches)
 
     answer = answer_or_refusal(document, judge)
     return Examined(answer, problem)
 
 
 def examine_problems(text: str) -> str:
-    """Examine each problem of a list as :func:`examine_problem`; use what is kept, and return what is found.
+    """Examine each problem of a list as :func:`examine_problem`; use what is cached; return what is found.
 
-    ``text`` is ``{"problems": [{"document", "verdict", "windows"}, …], "kept": {key: content}}``; in each
+    ``text`` is ``{"problems": [{"document", "verdict", "windows"}, …], "cached": {key: content}}``; in each
     problem are the keys of its verdict and of the windows of its curve, null where it has none. The answer
     is ``{"answers": […], "seconds": […], "found": {key: content}}``.
     """
-    asked = json.loads(text)
+    request = json.loads(text)
     began = time.perf_counter()
-    problems = [_read_or_none(each["document"]) for each in asked["problems"]]
+    problems = [_read_or_none(each["document"]) for each in request["problems"]]
     reading = (time.perf_counter() - began) / max(len(problems), 1)
     ahead = (
         (each["verdict"], each["windows"], problem.motion)
-        for each, problem in zip(asked["problems"], problems, strict=True)
+        for each, problem in zip(request["problems"], problems, strict=True)
         if problem is not None
         and isinstance(problem.motion, PlanarMotion)
         and None not in (each["verdict"], each["windows"])
     )
-    kept, searches = Kept(asked["kept"], ahead), Searches(MOST_SEARCHES)
+    cache, searches = ResultCache(request["cached"], ahead), Searches(MOST_SEARCHES)
 
-    def judge(asked_problem: Mapping[str, Any], problem: Problem | None) -> Answer:
-        keys = asked_problem["verdict"], asked_problem["windows"]
+    def judge(requested: Mapping[str, Any], problem: Problem | None) -> Answer:
+        keys = requested["verdict"], requested["windows"]
         return answer_or_refusal(
-            asked_problem["document"],
-            lambda document: _judge_problem(problem or trusted_problem(document), kept, keys, searches),
+            requested["document"],
+            lambda document: _judge_problem(problem or trusted_problem(document), cache, keys, searches),
         )
 
     answers, seconds = [], []
-    for each, problem in zip(asked["problems"], problems, strict=True):
+    for each, problem in zip(request["problems"], problems, strict=True):
         began = time.perf_counter()
         answers.append(judge(each, problem))
-        seconds.append(reading + kept.share(each["windows"], time.perf_counter() - began))
-    return json.dumps({"answers": answers, "seconds": seconds, "found": kept.found}, allow_nan=False)
+        seconds.append(reading + cache.share(each["windows"], time.perf_counter() - began))
+    return json.dumps({"answers": answers, "seconds": seconds, "found": cache.found}, allow_nan=False)
 
 
 def _read_or_none(document: Part) -> Problem | None:
-    """Return the problem; None where it is refused, which is told when it is judged."""
+    """Return the problem; None where it is refused, which is reported when it is judged."""
     try:
         return trusted_problem(document)
     except DynamicsError:
@@ -219,7 +218,7 @@ def _judge_question(document: Part) -> Answer:
             if not found:
                 existence = Searches(1).document(question.body, potential, question.motion)
             try:
-                chosen = _require_asked(question, question.motion, found)
+                chosen = _require_chosen(question, question.motion, found)
             except NoMotionError as error:
                 return refusal_without_motion(error, existence)
         answer |= {"motions": [window_document(window) for window in found], "existence": existence}
@@ -250,7 +249,7 @@ def _formulas(question: Question, verdict: Verdict) -> Document:
         return {"energy": energy_document(body, verdict, None, formulas)}
 
 
-def _require_asked(question: Question, motion: PlanarMotion, windows: tuple[Window, ...]) -> Window | None:
+def _require_chosen(question: Question, motion: PlanarMotion, windows: tuple[Window, ...]) -> Window | None:
     """Return the requested window, None if no window was chosen; raise the error its job would end with."""
     if question.problem is not None:
         return _require_motion(question.problem, motion, windows)
@@ -262,19 +261,19 @@ def _require_asked(question: Question, motion: PlanarMotion, windows: tuple[Wind
     return window
 
 
-def _judge_problem(problem: Problem, kept: Kept, keys: Keys, searches: Searches) -> Answer:
-    """Judge a problem, with what is ``kept`` under the keys of its verdict and of its windows."""
+def _judge_problem(problem: Problem, cache: ResultCache, keys: Keys, searches: Searches) -> Answer:
+    """Judge a problem, with what is cached under the keys of its verdict and of its windows."""
     if not isinstance(problem.motion, PlanarMotion):
         return {"verdict": None}
     of_verdict, of_windows = keys
-    verdict = kept.verdict(of_verdict, problem.body, problem.potential)
+    verdict = cache.verdict(of_verdict, problem.body, problem.potential)
     answer = verdict_document(problem.body, verdict, problem.potential)
     refusal = refusal_of_verdict(verdict, answer, problem.accept == "undecided")
     if refusal is not None:
         return refusal
     with ctx.workprec(REDUCTION_BITS):
         try:
-            windows = kept.windows(of_windows, problem.body, problem.potential, problem.motion)
+            windows = cache.windows(of_windows, problem.body, problem.potential, problem.motion)
             window = _require_motion(problem, problem.motion, windows)
         except UNSETTLED as error:
             return refusal_of_windows(error, verdict)

@@ -25,8 +25,8 @@ from service.dynamics.reduction.windows import find_windows
 from service.dynamics.verdict.proofs.energy_terms import sum_text
 from service.dynamics.verdict.simple_form import simplified
 from service.schemas.problem.questions import Question, trusted_question
+from service.schemas.reading.documents import Document
 from service.typesetting.equations import TIME, typeset
-from service.verdicts.documents import Document
 from service.verdicts.examination import examine_question
 
 Signs = Mapping[str, int]
@@ -59,13 +59,13 @@ def examine_question_with_formulas(text: str) -> str:
     In the verdict, ``formulas`` are the equations as they stand, and ``works`` what :func:`simplify_formula`
     takes, to be removed before anybody sees it.
     """
-    asked = json.loads(text)
-    answer = json.loads(examine_question(json.dumps(asked["document"])))
+    request = json.loads(text)
+    answer = json.loads(examine_question(json.dumps(request["document"])))
     verdict = answer.get("verdict")
     if verdict is not None:
-        equations = list(equations_of(trusted_question(asked["document"]), verdict))
-        verdict["formulas"] = [_row(equation, asked["formats"]) for equation in equations]
-        verdict["works"] = _works(equations, asked["formats"])
+        equations = list(equations_of(trusted_question(request["document"]), verdict))
+        verdict["formulas"] = [_row(equation, request["formats"]) for equation in equations]
+        verdict["works"] = _works(equations, request["formats"])
     return json.dumps(answer, allow_nan=False)
 
 
@@ -74,7 +74,7 @@ def simplify_formula(text: str) -> str:
 
     ``text`` is one of the works that :func:`examine_question_with_formulas` made.
     """
-    # SymPy takes a third of a second to import: only a child does, and only when it is asked.
+    # SymPy takes a third of a second to import: only a child does, and only when it is needed.
     from service.typesetting.simplification import simplified  # noqa: PLC0415
 
     work = json.loads(text)

@@ -17,10 +17,10 @@ from service.dynamics.reduction.structure import SignsUnsettledError
 from service.dynamics.reduction.windows import NoMotionError, NoSuchWindowError, SeveralWindowsError
 from service.dynamics.verdict.own_curve import InadmissibleMotionError
 from service.dynamics.verdict.verdict import Verdict
-from service.schemas.reading.documents import InvalidProblemError, Part
+from service.schemas.reading.documents import Document, InvalidProblemError, Part
 from service.schemas.replies.verdict import ExistenceOut
 from service.schemas.replies.verdict_text import existence_sentence
-from service.verdicts.documents import Document, existence_document, motion_counterexample, window_document
+from service.verdicts.documents import existence_document, motion_counterexample, window_document
 
 _POTENTIAL = "/potential"
 UNSETTLED = (SignsUnsettledError, SeparatrixUndecidedError, PassageUndecidedError)
@@ -111,18 +111,18 @@ class Searches:
 
     def __init__(self, left: int) -> None:
         self._left = left
-        self._known: dict[tuple[object, ...], Document | None] = {}
+        self._found: dict[tuple[object, ...], Document | None] = {}
 
     def document(self, body: RigidBody, potential: Potential, motion: PlanarMotion) -> Document | None:
         """Return the answer; None if there is none, or no search is left."""
         key = (body.A, body.C, potential, motion.nu is None, motion.sign_of_g1, motion.g3_sign)
-        if key not in self._known:
+        if key not in self._found:
             if not self._left:
                 return None
             self._left -= 1
             found = find_existence(body, potential, motion, deadline(PROCESSOR_SECONDS, SECONDS))
-            self._known[key] = None if found is None else existence_document(found)
-        return self._known[key]
+            self._found[key] = None if found is None else existence_document(found)
+        return self._found[key]
 
 
 def refusal_without_motion(error: NoMotionError, existence: Document | None) -> Document:

@@ -9,7 +9,7 @@ import numpy as np
 
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import NoMotionError, find_windows
-from service.schemas.atlas.reading import AtlasQuestion, read_atlas
+from service.schemas.atlas.reading import AtlasRequest, read_atlas
 from service.verdicts.atlases import examine_atlas
 from tests.benchmarks.measuring import Effort, Table, in_turns, in_words
 
@@ -46,7 +46,7 @@ def atlases(effort: Effort) -> Table:
     return Table("Atlases", remark, heads, tuple(rows))
 
 
-def _one_by_one(asked: AtlasQuestion) -> None:
+def _one_by_one(asked: AtlasRequest) -> None:
     for lambda_ in np.geomspace(float(asked.range.lower), float(asked.range.upper), asked.samples):
         try:
             find_windows(asked.body, asked.potential, PlanarMotion(Fraction(float(lambda_))))

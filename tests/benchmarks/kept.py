@@ -63,7 +63,7 @@ def measured(document: Mapping[str, object]) -> tuple[float, ...]:
     asked = examination_of([document])
     found = json.loads(examine_problems(json.dumps(asked)))["found"]
     verdict, curve = (str(asked["problems"][0][part]) for part in ("verdict", "windows"))
-    texts = [json.dumps({**asked, "kept": kept}) for kept in ({}, {verdict: found[verdict]}, found)]
+    texts = [json.dumps({**asked, "cached": cached}) for cached in ({}, {verdict: found[verdict]}, found)]
     text = json.dumps(document)
     outcomes = [solve_document(text), solve_document(text, found[curve])]
     assert all(isinstance(outcome, Solved) for outcome in outcomes), outcomes

@@ -22,6 +22,7 @@ from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, Problem, TimeSpan
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
+from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError
 from service.jobs.records import Solved
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.verdicts.examination import examine_problems
@@ -31,12 +32,13 @@ from tests.support.examinations import examination_of
 from tests.support.planar import body, formula, planar
 from workers.computation.compiled_code import keep_compiled_code
 from workers.computation.compute import solve_document
+from workers.solvers import choose
 from workers.solvers.assembly.families import Declined, Place, periodic_place
 from workers.solvers.certified.by_integral import IntegralMotion, integral_motion, periodic_window
 from workers.solvers.choose import FAMILIES, FamilyName
 from workers.solvers.closed_form.family import ClosedFormFamily
 from workers.solvers.ways import Way
-from workers.sweeping.chunk import compute_chunk
+from workers.sweeping import chunk
 
 REPEATS = 15
 ELLIPTIC = (
@@ -115,13 +117,17 @@ def examined(name: str, documents: Sequence[object]) -> Request:
     return Request(f"list of {len(documents)}, {name}", run)
 
 
-def swept(name: str, count: int, base: Mapping[str, object], *axes: Mapping[str, object]) -> Request:
+def swept(
+    name: str, count: int, base: Mapping[str, object], axis: Mapping[str, object], keep: Sequence[str] = ()
+) -> Request:
     """Return a sweep of so many points, as one chunk."""
-    sweep = {"base": base, "axes": axes, "keep": ["period", "error"]}
+    sweep = {"base": base, "axes": [axis], "keep": ["period", "error", *keep]}
     document = json.dumps({"sweep": sweep, "first": 0, "count": count, "way": "compiled"})
 
     def run() -> str:
-        points = decode_points(compute_chunk(document).data)
+        # The plan of an earlier run may have the other way.
+        chunk._solver_of.cache_clear()
+        points = decode_points(chunk.compute_chunk(document).data)
         return f"{points.outcomes.count(SOLVED)} solved, {np.nanmax(points.numbers['error']):.0e}"
 
     return Request(f"{count} points, {name}", run)
@@ -129,6 +135,32 @@ def swept(name: str, count: int, base: Mapping[str, object], *axes: Mapping[str,
 
 def nothing(*_: object) -> None:
     """Stand in for a shortcut that finds nothing."""
+
+
+def not_a_power_sum(*_: object) -> None:
+    raise NotAPowerSumError
+
+
+@contextmanager
+def without_power_sums() -> Iterator[None]:
+    with (
+        patch("workers.sweeping.plan.judge_power_sum", not_a_power_sum),
+        patch("workers.sweeping.varying_body.block.judge_power_sum", not_a_power_sum),
+    ):
+        yield
+
+
+@contextmanager
+def without_elliptic_enclosures() -> Iterator[None]:
+    rows = tuple(
+        replace(row, asked=tuple(each for each in row.asked if each != "elliptic"))
+        for row in choose.ENCLOSURES
+    )
+    # Rows are looked up once.
+    choose.enclosure_row_for.cache_clear()
+    with patch.object(choose, "ENCLOSURES", rows):
+        yield
+    choose.enclosure_row_for.cache_clear()
 
 
 @contextmanager
@@ -140,11 +172,36 @@ def without_roots() -> Iterator[None]:
         yield
 
 
+def unknown(of_each: object, samples: np.ndarray, *shape: int) -> np.ndarray:
+    """Stand in for numbers of samples that are not known."""
+    return np.full((len(samples), *shape), np.nan)
+
+
+@contextmanager
+def without_twice_the_digits() -> Iterator[None]:
+    compiled, kept = "workers.solvers.compiled.integrals.of_many", "workers.sweeping.planar.outputs"
+
+    def further(integrals: object, samples: np.ndarray) -> np.ndarray:
+        return unknown(integrals, samples, 2)
+
+    with (
+        patch(f"{compiled}.energies_at", unknown),
+        patch(f"{compiled}.further_drifts_of_many", further),
+        patch(f"{kept}.drifts_of_many", lambda *given: unknown(None, given[5], 3)),
+        patch(f"{kept}.further_drifts_of_many", further),
+    ):
+        yield
+
+
 THREE_TERMS = "-g1 + 1/(20*g3^2)"
 CUBIC = "(3*g1^2 + g3^2)*(g2^2 - 1/2 + g2^3/5)"
-LOG_LIKE = "(17/10*g1^2 + g3^2)*exp(-g2^2)"
-RANDOM_A = "1.7320508075688772"
+EXPONENTIAL = "(17/10*g1^2 + g3^2)*(exp(g2/2) - 3/2)"
+QUARTIC = "-g1 + (2*g1^2 + g3^2)*g2^2/50"
+GENERAL_SUM = {"type": "general", "F": "w/5 + w^2/10", "G": "-3*(6/10 - g2^2) + 3/10*g2"}
 HIGH = {"accuracy": {"tier": "high"}}
+INVARIANTS = {"outputs": ["gamma", "omega", "invariants"]}
+DRIFT = "invariants.energy.drift"
+LAMBDAS_500 = {"pointer": "/motion/lambda", "linspace": ["9/10", "11/10", 500]}
 LAMBDAS = {"pointer": "/motion/lambda", "linspace": ["9/10", "11/10", 100]}
 OUTPUTS = ["gamma", "omega"]
 SECOND_WAYS = (
@@ -158,27 +215,23 @@ SECOND_WAYS = (
         ),
     ),
     SecondWay(
+        "elliptic functions in balls",
+        without_elliptic_enclosures,
+        (
+            job("three terms", "certified", "2", THREE_TERMS),
+            job("next to a separatrix", "certified", "2", "-g1 + 0.809017*(g1^2 - g2^2)"),
+        ),
+    ),
+    SecondWay(
         "programs for balls",
         lambda: patch.object(Tape, "program", nothing),
         (
             job("α = 2", "certified", "2", THREE_TERMS),
             job("α = 3", "certified", "3", CUBIC),
-            job("an exponential", "certified", "17/10", LOG_LIKE),
+            job("an exponential, by quadrature", "standard", "17/10", EXPONENTIAL, method="quadrature"),
             job("α = 3, by quadrature", "standard", "3", CUBIC, method="quadrature"),
             examined("α = 3", [problem_of("3", CUBIC, curve(k)) for k in range(50)]),
             examined("different formulas", [problem_of("3", f"{k + 1}*{CUBIC}", {}) for k in range(50)]),
-        ),
-    ),
-    SecondWay(
-        "sums of powers in verdicts",
-        lambda: patch("service.dynamics.verdict.verdict.prove_power_sum", nothing),
-        (
-            examined("gravity", [problem_of("2", f"-{k + 1}*g1", {}) for k in range(50)]),
-            examined("α = 3", [problem_of("3", f"{k + 1}*{CUBIC}", {}) for k in range(20)]),
-            examined(
-                "a random α", [problem_of(RANDOM_A, f"{k + 1}*(A*g1^2 + C*g3^2)", {}) for k in range(20)]
-            ),
-            job("three terms", "standard", "2", THREE_TERMS),
         ),
     ),
     SecondWay(
@@ -186,18 +239,44 @@ SECOND_WAYS = (
         without_roots,
         (
             job("round the loop", "high", "2", "-g1"),
-            job("next to a separatrix", "high", "2", "-g1 + 0.809017*(g1^2 - g2^2)"),
-            job("five terms", "high", "2", "-2*g1 + 1/(20*g3^2) + g1^2/10 - g2^2/10 + 1/(500*g3^4)"),
+            job("round the loop, quartic", "high", "2", QUARTIC),
             swept("high, round the loop", 100, problem_of("2", "-g1", HIGH), LAMBDAS),
-            swept("high, three terms", 100, problem_of("2", THREE_TERMS, HIGH), LAMBDAS),
+            swept("high, round the loop, quartic", 100, problem_of("2", QUARTIC, HIGH), LAMBDAS),
+        ),
+    ),
+    SecondWay(
+        "drifts with twice the digits",
+        without_twice_the_digits,
+        (
+            job("with invariants", "standard", "2", THREE_TERMS, outputs=[*OUTPUTS, "invariants"]),
+            job("with invariants", "standard", "3", CUBIC, outputs=[*OUTPUTS, "invariants"]),
+            swept(
+                "with the energy's drift",
+                500,
+                problem_of("2", THREE_TERMS, INVARIANTS),
+                LAMBDAS_500,
+                keep=[DRIFT],
+            ),
+        ),
+    ),
+    SecondWay(
+        "sums of powers in sweeps of moments",
+        without_power_sums,
+        (
+            swept(
+                "over A",
+                100,
+                problem_of("2", "(A*g1^2 + C*g3^2)*(g2^2 - 1/2)", {}),
+                {"pointer": "/body/A", "linspace": [2, "23/10", 100]},
+            ),
         ),
     ),
     SecondWay(
         "doubles for attitude and stability",
         lambda: patch("workers.computation.outputs.takes_doubles", lambda *_: False),
         (
-            job("with orientation", "standard", "3", CUBIC, outputs=[*OUTPUTS, "orientation"]),
-            job("with stability", "standard", "3", CUBIC, outputs=[*OUTPUTS, "stability"]),
+            job("with orientation", "standard", "2", "-g1", outputs=[*OUTPUTS, "orientation"]),
+            job("with stability", "standard", "2", THREE_TERMS, outputs=[*OUTPUTS, "stability"]),
         ),
     ),
     SecondWay(
@@ -215,11 +294,11 @@ SECOND_WAYS = (
         lambda: patch("service.dynamics.potentials.angular_part.balls.powers_of", nothing),
         (
             job(
-                "F = w^2/10",
+                "F = w/5 + w²/10",
                 "standard",
                 "17/10",
                 "",
-                potential={"type": "general", "F": "w^2/10", "G": "g2^2"},
+                potential=GENERAL_SUM,
             ),
         ),
     ),

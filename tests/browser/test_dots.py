@@ -36,5 +36,5 @@ def test_what_has_no_period_and_turns_too_often_is_shown_as_dots(tab):
     page.get_by_label("from").fill("0")
     page.get_by_label("to", exact=True).fill("0.5")
     page.get_by_role("button", name="Show").click()
-    expect(note).to_contain_text("the lines between them off by at most")
+    expect(note).to_contain_text("the lines between them are off by at most")
     assert page.evaluate(modes) == ["lines"]

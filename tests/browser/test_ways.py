@@ -163,7 +163,7 @@ def test_what_cannot_be_drawn_as_lines_is_not(tab):
         assert min(values) - reach <= low[0] <= min(values)
         assert max(values) <= high[0] <= max(values) + reach
     page.get_by_role("button", name="One period").click()
-    expect(note).to_contain_text("the lines between them off by at most")
+    expect(note).to_contain_text("the lines between them are off by at most")
     assert page.evaluate("document.getElementById('series').data.every(({x}) => x.length >= 400)")
 
 

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
 
 from service.dynamics.problem import TimePeriods
 from service.dynamics.sampling import exact_instants
 from service.jobs.records import Refused
-from service.schemas.problem.sections import TimeIn
+from service.schemas.problem.trusted import times_of
 from service.storage.codecs.packing import decode_arrays
 from tests.extremes.elliptic import BITS, Elliptic, ball
 from workers.computation.compute import solve_checked
@@ -119,7 +118,7 @@ def require_claims(answer: Answer, reference: Elliptic) -> None:
     assert answer.code is None, answer.code
     with ctx.workprec(BITS):
         assert abs(reference.period - arb(answer.period)) <= answer.period_error
-        asked = TypeAdapter(TimeIn).validate_python(answer.time).to_domain()
+        asked = times_of(answer.time)
         unit = reference.period if isinstance(asked, TimePeriods) else arb(1)
         # At a pole itself the reference is a quotient of zeros: next to it, within 1e-600, it has its value.
         aside = reference.period * arb(2) ** -(BITS // 2)

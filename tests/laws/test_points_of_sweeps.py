@@ -39,7 +39,7 @@ AXES = ["/motion/lambda", "/motion/start/g1", "/body/B", "/potential/parameters/
 @pytest.fixture(autouse=True)
 def no_hurry(monkeypatch):
     """Nothing ends a chunk but its last point."""
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 600.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 600.0)
     chunk._solver_of.cache_clear()
 
 
@@ -84,7 +84,7 @@ def test_a_point_has_every_bit_of_its_own_job(case, pointer, values, accuracy, t
     document = sweep(case, pointer, values, outputs, accuracy=accuracy, time=time)
     swept = read_sweep(document)
     # The finest tier has compiled code for rational potentials of bodies with A = 2C alone.
-    assert make_plan(swept).quick is not None or accuracy == {"tier": "high"}
+    assert make_plan(swept).compiled is not None or accuracy == {"tier": "high"}
     points = decode_points(
         compute_chunk(json.dumps({"sweep": document, "first": 0, "count": swept.points})).data
     )

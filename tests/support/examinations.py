@@ -8,9 +8,9 @@ from service.verdicts.cache_rows import keys_of
 
 
 def examination_of(documents: Sequence[object]) -> dict[str, Any]:
-    """Return what :func:`service.verdicts.examination.examine_problems` takes, with nothing kept."""
+    """Return what :func:`service.verdicts.examination.examine_problems` takes, with nothing cached."""
     problems = []
     for document in documents:
         keys = keys_of(check_problem(document).canonical)
         problems.append({"document": document, "verdict": keys.verdict, "windows": keys.windows})
-    return {"problems": problems, "kept": {}}
+    return {"problems": problems, "cached": {}}

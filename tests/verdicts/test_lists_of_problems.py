@@ -73,7 +73,7 @@ def test_what_is_kept_is_not_found_again(monkeypatch):
 
     monkeypatch.setattr(cached, "find_windows_together", counted)
     missing = {asked["problems"][k]["windows"] for k in (1, 3, 4)}
-    asked["kept"] = {key: content for key, content in found.items() if key not in missing}
+    asked["cached"] = {key: content for key, content in found.items() if key not in missing}
     again = json.loads(examine_problems(json.dumps(asked)))
     assert asked_for == [3]
     assert again["found"] == {key: found[key] for key in missing}
@@ -91,7 +91,7 @@ def test_each_problem_has_its_share_of_the_time(monkeypatch):
     monkeypatch.setattr(cached.time, "perf_counter", lambda: now[0])
     problem = read_problem(on_curve(GRAVITY, "1"))
     motions = {f"curve {k}": replace(problem.motion, lambda_=Fraction(k)) for k in range(1, 5)}
-    known = cached.Kept({}, [("setting", key, motion) for key, motion in motions.items()])
+    known = cached.ResultCache({}, [("setting", key, motion) for key, motion in motions.items()])
     shares = []
     for key, motion in motions.items():
         began = now[0]

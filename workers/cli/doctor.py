@@ -194,8 +194,8 @@ _PAGE = 500
 def check_windows(database: Database) -> Finding:
     """Return the finding about solutions of earlier versions in windows that end where p² is infinite."""
     broken, examples = 0, list[str]()
-    for solution, problem in _earlier(database):
-        doubt = _doubt_of(problem)
+    for solution, problem, motion in _earlier(database):
+        doubt = _doubt_of(problem, motion)
         if doubt is not None:
             broken += 1
             if len(examples) < EXAMPLES:
@@ -204,7 +204,7 @@ def check_windows(database: Database) -> Finding:
     return Finding("windows_at_infinities", says, broken, tuple(examples), is_warning=True)
 
 
-def _earlier(database: Database) -> Iterator[tuple[str, Problem]]:
+def _earlier(database: Database) -> Iterator[tuple[str, Problem, PlanarMotion]]:
     """Yield the planar motions that earlier versions solved, with the ids of their solutions."""
     columns = SolutionRow.id, SolutionRow.problem, SolutionRow.summary
     last = ""
@@ -225,13 +225,12 @@ def _earlier(database: Database) -> Iterator[tuple[str, Problem]]:
                 # A problem of another version of documents is another check's.
                 continue
             if isinstance(problem.motion, PlanarMotion):
-                yield solution, problem
+                yield solution, problem, problem.motion
 
 
-def _doubt_of(problem: Problem) -> str | None:
+def _doubt_of(problem: Problem, motion: PlanarMotion) -> str | None:
     """Return what is the matter with the window of a motion, None if nothing is."""
-    motion, potential = problem.motion, problem.potential
-    assert isinstance(motion, PlanarMotion)
+    potential = problem.potential
     part = potential if potential.has_formula else potential.formula_part(motion.sign_of_g1, motion.g3_sign)
     if part is None or not vanishing_parts(tight_form(part.tape)):
         return None

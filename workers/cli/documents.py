@@ -16,7 +16,7 @@ from rich.console import Console
 from service.csv_text import LF, data_lines, header_line
 from service.dynamics.motion import NO_CROSS_CHECK
 from service.dynamics.solution.ball_columns import is_part
-from service.jobs.kernels import FASTER, NeedsKernelsError, told_way
+from service.jobs.kernels import FASTER, NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.atlas.reading import read_atlas
@@ -33,13 +33,14 @@ from service.verdicts.refusals import refusal_of_reading
 from workers.process.tasks import solve_examined
 
 FloatArray = NDArray[np.float64]
+_REFUSED, _WRONG_USAGE = 1, 2
 
 
 def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
     """Solve the problem of a file and print the solution; return 0 if it was solved, else 1."""
     if csv == STANDARD_STREAM and as_json:
         say("--json and --csv - both write to stdout; accepted is one of them")
-        return 2
+        return _WRONG_USAGE
     settings = read_settings()
     document = read_document(file)
     if csv is not None:
@@ -47,12 +48,12 @@ def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
     refusal = refusal_of_reading(document, read_problem)
     if refusal is not None:
         say(_reason(refusal))
-        return 1
+        return _REFUSED
     outcome = _compute(json.dumps(document), settings)
     if isinstance(outcome, Refused):
         say(_reason(outcome.error))
-        return 1
-    if told_way(outcome.summary) == "plain":
+        return _REFUSED
+    if way_of_solution(outcome.summary) == "plain":
         say(f"solved without compiled kernels: {FASTER}")
     columns = decode_arrays(outcome.samples)
     if csv is not None:
@@ -108,23 +109,8 @@ def _failed(code: str, detail: str) -> Refused:
     return Refused({"code": code, "detail": detail})
 
 
-def _reason(error: dict[str, object]) -> str:
-    """Return the error as lines: each fault with its place, or the message."""
-    faults = error.get("faults")
-    if isinstance(faults, list):
-        return "\n".join(
-            f"{fault['pointer'] or '/'}: {fault['message']} ({fault['code']})" for fault in faults
-        )
-    lines = [f"{error.get('code')}: {error.get('detail')}"]
-    lines += [
-        f"  {name}: {json.dumps(value)}"
-        for name, value in error.items()
-        if name not in ("code", "detail", "pointer")
-    ]
-    return "\n".join(lines)
-
-
-_REFUSED, _WRONG_USAGE = 1, 2
+def _reason(error: Mapping[str, object]) -> str:
+    return Refusal.model_validate({"pointer": "", **error}).reason()
 
 
 def draw_file(file: Path, *, as_json: bool, picture: Path | None) -> int:
@@ -137,21 +123,21 @@ def draw_file(file: Path, *, as_json: bool, picture: Path | None) -> int:
     settings = read_settings()
     document = read_document(file)
     error = refusal_of_reading(document, read_atlas)
-    found = {"error": error} if error is not None else _drawn(document, settings)
-    if isinstance(found, str):
-        say(found)
+    result = {"error": error} if error is not None else _drawn(document, settings)
+    if isinstance(result, str):
+        say(result)
         return _REFUSED
-    if "error" in found:
+    if "error" in result:
         if as_json:
-            answer(json.dumps(found["error"]) + "\n")
-        say(Refusal.model_validate(found["error"]).reason())
+            answer(json.dumps(result["error"]) + "\n")
+        say(Refusal.model_validate(result["error"]).reason())
         return _REFUSED
-    drawn = AtlasOut.model_validate(found["verdict"])
+    drawn = AtlasOut.model_validate(result["verdict"])
     if picture is not None:
         with OutputFile(picture) as out:
             out.write(picture_of(drawn).encode())
     if picture != STANDARD_STREAM:
-        answer(json.dumps(found["verdict"]) + "\n" if as_json else describe_atlas(drawn) + "\n")
+        answer(json.dumps(result["verdict"]) + "\n" if as_json else describe_atlas(drawn) + "\n")
     return 0
 
 
@@ -160,15 +146,15 @@ def _drawn(document: object, settings: Settings) -> dict[str, object] | str:
     # Not at the top: it loads the solvers.
     from workers.computation.atlases import with_stability  # noqa: PLC0415
 
-    asked = json.dumps(document)
+    request = json.dumps(document)
     sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=[with_stability.__module__])
     limit = f"POLHODE_VERDICT_SECONDS = {settings.verdict_seconds:g}"
     try:
         with Console(stderr=True).status("drawing …"):  # shows nothing where stderr is not a terminal
-            found = sandbox.run(examine_atlas, asked, seconds=settings.verdict_seconds)
+            result = sandbox.run(examine_atlas, request, seconds=settings.verdict_seconds)
             if read_atlas(document).wants_stability:
                 limit = f"POLHODE_JOB_SECONDS = {settings.job_seconds:g}"
-                found = sandbox.run(with_stability, asked, found, seconds=settings.job_seconds)
+                result = sandbox.run(with_stability, request, result, seconds=settings.job_seconds)
     except SandboxTimeoutError:
         return f"no atlas within {limit}"
     except SandboxMemoryError:
@@ -177,7 +163,7 @@ def _drawn(document: object, settings: Settings) -> dict[str, object] | str:
         return f"no atlas: {fault}"
     finally:
         sandbox.close()
-    read: dict[str, object] = json.loads(found)
+    read: dict[str, object] = json.loads(result)
     return read
 
 
@@ -217,8 +203,8 @@ def _numbers(summary: Summary) -> Iterator[str]:
     yield f"error       ≤ {summary['error']:.1e} in every variable at the sampled times"
     groups = {name: error["relative"] for name, error in summary["errors"].items()}
     if groups:
-        told = (f"{name} {error:.1e}" for name, error in groups.items() if error is not None)
-        yield f"relative    ≤ {', '.join(told)}"
+        parts = (f"{name} {error:.1e}" for name, error in groups.items() if error is not None)
+        yield f"relative    ≤ {', '.join(parts)}"
     for name, integral in (summary["invariants"] or {}).items():
         value = f" of {integral['value']!r} ({integral['kind']})" if "value" in integral else ""
         yield f"{name + ' drift':<18}{integral['drift']:.1e}{value}"

@@ -25,15 +25,16 @@ from service.dynamics.sampling import exact_instants
 from service.dynamics.solution.ball_columns import JOIN_BITS, RADIUS, parts_for, split
 from service.dynamics.solution.dense_output import DenseOutput, Period
 from service.dynamics.verdict.simple_form import simplified
-from service.jobs.kernels import NeedsKernelsError, told_way
+from service.jobs.kernels import NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
 from service.schemas.problem.trusted import trusted_problem
 from service.schemas.reading.documents import Part
+from service.schemas.replies.summary import SolutionSummary
 from service.storage.codecs.packing import encode_arrays, encode_dense
 from service.storage.solutions.shipped_accuracy import shipped_table
-from service.verdicts.cached import Kept, read_windows
+from service.verdicts.cached import ResultCache, read_windows
 from service.verdicts.examination import Examined, examine_document
 from workers import solvers
 from workers.computation.compiled_code import (
@@ -45,8 +46,8 @@ from workers.computation.compiled_code import (
     way_for,
     why_no_folder,
 )
-from workers.computation.outputs import InUnits, errors_of, find_out, in_units, require_promise
-from workers.computation.summary import Document, summarise
+from workers.computation.outputs import InUnits, compute_outputs, errors_of, in_units, require_promise
+from workers.computation.summary import summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.choose import choose_enclosures, enclose, find_motion
@@ -70,7 +71,7 @@ def solve_document(
 ) -> SolveOutcome:
     """Solve the problem in ``document_json``; what cannot be solved is told in the outcome, not raised.
 
-    ``windows_json`` has the windows of its curve, if they were kept: they are not found again. Without a
+    ``windows_json`` has the windows of its curve, if they were cached: they are not found again. Without a
     ``way`` it is the compiled one if its kernels are ready, and a plain one waits for them: no refusal of a
     solver is final. So does a given one that ``waits``. A document that nobody has validated is ``read`` by
     who does.
@@ -107,7 +108,7 @@ def as_solved(problem: Problem) -> Problem:
 
 def way_to_repeat(stored: StoredSolution) -> Way | None:
     """Return the way of a stored solution, on which its bits can be repeated; None if it is not to be had."""
-    if told_way(stored.summary) == "plain":
+    if way_of_solution(stored.summary) == "plain":
         return "plain"
     return "compiled" if is_ready(*GROUPS) else None
 
@@ -124,9 +125,7 @@ def kernels_of(problem: Problem) -> tuple[Group, ...]:
     return tuple(groups)
 
 
-def _solve_read(
-    document: Document, problem: Problem, began: float, way: Way | None, waits: bool
-) -> SolveOutcome:
+def _solve_read(document: Part, problem: Problem, began: float, way: Way | None, waits: bool) -> SolveOutcome:
     """Solve the ``problem`` that was read from ``document``."""
     chosen = way or way_for(*kernels_of(problem))
     try:
@@ -146,7 +145,7 @@ def _can_wait() -> bool:
     return fixed_way() is None and why_no_folder() is None
 
 
-def _solve_on_way(document: Document, problem: Problem, began: float, *, waits: bool) -> SolveOutcome:
+def _solve_on_way(document: Part, problem: Problem, began: float, *, waits: bool) -> SolveOutcome:
     """Solve it on the present way; one that ``waits`` for kernels takes no refusal of a solver for final.
 
     What is wrong with the problem itself is final on any way.
@@ -164,8 +163,8 @@ def _solve_on_way(document: Document, problem: Problem, began: float, *, waits: 
 
 
 def _solve_in(
-    document: Document, problem: Problem, units: Units
-) -> tuple[Document, DenseOutput, dict[str, FloatArray]]:
+    document: Part, problem: Problem, units: Units
+) -> tuple[SolutionSummary, DenseOutput, dict[str, FloatArray]]:
     """Return the summary of the solution, its function of time and its columns, solved in ``units``."""
     posed, certified, enclosures = units.pose(problem), None, dict[str, FloatArray]()
     solved = solve(posed)
@@ -173,12 +172,12 @@ def _solve_in(
         solved, proven, enclosures = certified_samples(posed, solved)
         certified, enclosures = units.certified(proven), units.enclosures(enclosures)
     motion = _require_finite(units.motion(solved), problem.tolerance)
-    findings = find_out(problem, motion, InUnits(units, posed, solved))
+    outputs = compute_outputs(problem, motion, InUnits(units, posed, solved))
     # The orientation is more columns on the same pieces.
-    attitude = None if findings.orientation is None else findings.orientation.dense
+    attitude = None if outputs.orientation is None else outputs.orientation.dense
     errors = errors_of(motion, attitude)
     require_promise(problem.accuracy, errors)
-    summary = summarise(document, problem, motion, findings, certified, errors)
+    summary = summarise(document, problem, motion, outputs, certified, errors)
     dense = motion.dense if attitude is None else attitude
     columns = _columns(problem, motion, dense)
     columns |= {name: part for name, part in enclosures.items() if name.partition(".")[0] in columns}
@@ -194,17 +193,17 @@ def solve_checked(
     document_json: str,
     *,
     explains: bool = True,
-    kept: Kept | None = None,
+    cache: ResultCache | None = None,
     way: Way | None = None,
     waits: bool = False,
 ) -> SolveOutcome:
     """Examine and solve a problem whose potential and motion have not been examined yet.
 
-    Where there is no motion, an error that ``explains`` says for which λ there are. In ``kept`` are verdicts
+    Where there is no motion, an error that ``explains`` says for which λ there are. In ``cache`` are verdicts
     that were found before. The way is that of :func:`solve_document`.
     """
     document = json.loads(document_json)
-    examined = examine_document(document, explains=explains, kept=kept, read=read_problem)
+    examined = examine_document(document, explains=explains, cache=cache, read=read_problem)
     return _solve_examined(document, examined, way, waits=waits)
 
 
@@ -216,20 +215,16 @@ def solve_judged(document_json: str, report_json: str) -> SolveOutcome:
 
 
 def _solve_examined(
-    document: Document, examined: Examined, way: Way | None, *, waits: bool = False
+    document: Part, examined: Examined, way: Way | None, *, waits: bool = False
 ) -> SolveOutcome:
     began = time.perf_counter()
     problem, report = examined.problem, examined.answer
     if problem is None or "error" in report:
-        error = report["error"]
-        assert isinstance(error, dict)
-        return Refused(error)
+        return Refused(report["error"])
     if problem.accuracy.budget_seconds is not None:
-        verdict = report["verdict"]
-        assert verdict is None or isinstance(verdict, dict)
         # Without a database there is only the table that comes with the program.
         try:
-            choice = choose_tier(problem, window_of(verdict), shipped_table())
+            choice = choose_tier(problem, window_of(report["verdict"]), shipped_table())
         except BudgetTooSmallError as fault:
             return _refused(document, fault)
         # Another document: it states a tier where the first one had a budget.
@@ -293,10 +288,10 @@ def _columns(problem: Problem, motion: Motion, dense: DenseOutput) -> dict[str, 
     if not problem.wants_series:
         return {}
     series = {name: motion.samples[:, COLUMNS.index(name)] for name in columns_of(problem.outputs)}
-    return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.rests)}
+    return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.low_parts)}
 
 
-CHECKED_TOLERANCE = 1e-9
+CROSS_CHECK_TOLERANCE = 1e-9
 """Tolerance of the function of time that is stored beside the enclosures, where a cross-check wants it."""
 
 
@@ -306,7 +301,7 @@ def beside_enclosures(problem: Problem) -> Accuracy:
     Its error is reported separately and never blocks the enclosures; only a cross-check
     needs it to be small.
     """
-    return Accuracy(CHECKED_TOLERANCE if problem.method == "both" else float("inf"), "certified")
+    return Accuracy(CROSS_CHECK_TOLERANCE if problem.method == "both" else float("inf"), "certified")
 
 
 def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certified, dict[str, FloatArray]]:
@@ -321,12 +316,12 @@ def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certifi
     """
     if not isinstance(problem.motion, PlanarMotion):
         raise DynamicsError("the certified tier is for planar motions", pointer="/accuracy/tier")
-    found = _certify(problem, motion)
+    enclosed = _certify(problem, motion)
     parts = parts_for(problem.accuracy.bits)
-    rows = [[split(ball, parts) for ball in state] for state in found.states]
+    rows = [[split(ball, parts) for ball in state] for state in enclosed.states]
     first = np.array([[doubles[0] for doubles, _ in row] for row in rows])
-    proven = replace(_with_samples(problem, motion, found, first), conventions=found.conventions)
-    return proven, found, {**_enclosed_columns(rows, parts), **_times(found, motion, parts)}
+    proven = replace(_with_samples(problem, motion, enclosed, first), conventions=enclosed.conventions)
+    return proven, enclosed, {**_enclosed_columns(rows, parts), **_times(enclosed, motion, parts)}
 
 
 def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
@@ -343,21 +338,21 @@ def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
     if is_within(motion.error, problem.tolerance) and is_known(motion.dense.period, problem.tolerance):
         return motion
     try:
-        found = _certify(problem, motion)
+        enclosed = _certify(problem, motion)
     except CertifiedUnavailableError:
         require_period_known(motion.dense.period, problem.tolerance)
         raise AccuracyNotMetError(motion.error, problem.tolerance) from None
     if not is_known(motion.dense.period, problem.tolerance):
         # The function of time is one of wrong times: no two values of a variable differ by more than this.
         wrong = 2.0 * float(np.abs(motion.dense.coefficients).sum(axis=1).max(initial=0.0))
-        dense = replace(motion.dense, period=_rounded(found.period), error=motion.dense.error + wrong)
+        dense = replace(motion.dense, period=_rounded(enclosed.period), error=motion.dense.error + wrong)
         motion = replace(motion, dense=dense)
         require_period_known(dense.period, problem.tolerance)
-    rounded = np.array([[float(ball.mid()) for ball in state] for state in found.states])
-    proven = _with_samples(problem, motion, found, rounded)
+    rounded = np.array([[float(ball.mid()) for ball in state] for state in enclosed.states])
+    proven = _with_samples(problem, motion, enclosed, rounded)
     if not is_within(proven.error, problem.tolerance):
         raise AccuracyNotMetError(min(motion.error, proven.error), problem.tolerance)
-    return replace(proven, enclosed_by=found.method)
+    return replace(proven, enclosed_by=enclosed.method)
 
 
 def _certify(problem: Problem, motion: Motion) -> Certified:
@@ -381,12 +376,12 @@ def _rounded(period: arb) -> Period:
     return Period(hi, lo, float(abs(period - arb(hi) - arb(lo)).abs_upper()))
 
 
-def _with_samples(problem: Problem, motion: Motion, found: Certified, samples: FloatArray) -> Motion:
+def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples: FloatArray) -> Motion:
     """Return ``motion`` with ``samples``, and how far these are from the truth, or from its integrals."""
     error = largest(
         (
             _error(ball, double)
-            for state, row in zip(found.states, samples.tolist(), strict=True)
+            for state, row in zip(enclosed.states, samples.tolist(), strict=True)
             for ball, double in zip(state, row, strict=True)
         ),
     )
@@ -403,10 +398,10 @@ def _enclosed_columns(rows: list[list[tuple[list[float], float]]], parts: int) -
     return columns
 
 
-def _times(found: Certified, motion: Motion, parts: int) -> dict[str, FloatArray]:
+def _times(enclosed: Certified, motion: Motion, parts: int) -> dict[str, FloatArray]:
     """Return what the doubles leave of the exact times, as columns that go with ``t``; none if nothing."""
     with ctx.workprec(JOIN_BITS):
-        left = [at - arb(t) for at, t in zip(found.times, motion.times.tolist(), strict=True)]
+        left = [at - arb(t) for at, t in zip(enclosed.times, motion.times.tolist(), strict=True)]
     if all(ball == 0 for ball in left):
         return {}
     rows = [split(ball, parts - 1) for ball in left]

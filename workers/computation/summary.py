@@ -16,30 +16,42 @@ from service.dynamics.potentials.potential import Notice
 from service.dynamics.problem import Problem
 from service.dynamics.solution.ball_columns import as_decimals
 from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL, is_simplified
+from service.schemas.reading.documents import Part
+from service.schemas.replies.summary import (
+    AsymptoteSummary,
+    CrossCheckSummary,
+    EnclosureSummary,
+    EstimateSummary,
+    GroupErrorSummary,
+    IntegralSummary,
+    NoticeSummary,
+    PrecessionSummary,
+    ProvenanceSummary,
+    SolutionSummary,
+    StabilitySummary,
+)
 from service.storage.codecs.summary import FIRST_PASSAGE, PROVEN_SAMPLES
 from service.versions import version_of
 from workers.computation.compiled_code import libraries, processor, threads
-from workers.computation.outputs import Findings
+from workers.computation.outputs import Outputs
 from workers.solvers.certified.certify import Certified
 from workers.solvers.orientation.advance import Precession
 from workers.solvers.stability.assessment import Stability
 from workers.solvers.ways import current_way
 
-Document = dict[str, object]
-
 
 def summarise(
-    document: Document,
+    document: Part,
     problem: Problem,
     motion: Motion,
-    findings: Findings,
+    outputs: Outputs,
     certified: Certified | None,
     errors: Mapping[str, GroupError],
-) -> Document:
+) -> SolutionSummary:
     """Return the solution resource of the problem ``document`` without its ids and cost."""
-    window, orientation = motion.window, findings.orientation
+    window, orientation = motion.window, outputs.orientation
     precession = None if orientation is None else orientation.precession
-    invariants, beyond = _invariants(findings)
+    invariants, beyond = _invariants(outputs)
     return {
         "problem": document,
         "method": motion.method,
@@ -58,28 +70,37 @@ def summarise(
         "errors": {name: _group(error) for name, error in errors.items()},
         "cross_check": None if motion.cross_check is None else _cross_check(motion.cross_check),
         "stability": None
-        if findings.stability is None
-        else _stability(findings.stability, findings.closed_trace),
+        if outputs.stability is None
+        else _stability(outputs.stability, outputs.closed_trace),
         "precession": None if precession is None else _precession(precession),
         "conventions": motion.conventions,
-        "warnings": [asdict(notice) for notice in (*findings.notices, *beyond)],
+        "warnings": [_notice(notice) for notice in (*outputs.notices, *beyond)],
         "evidence": _evidence(problem, motion),
         "provenance": provenance(),
     }
 
 
-def _group(error: GroupError) -> Document:
+def _notice(notice: Notice) -> NoticeSummary:
+    return {"code": notice.code, "message": notice.message, "pointer": notice.pointer}
+
+
+def _group(error: GroupError) -> GroupErrorSummary:
     """Return an error; variables that are all 0, and are not known to be, have no relative one."""
     relative = error.relative
     return {"absolute": error.absolute, "relative": relative if isfinite(relative) else None}
 
 
-def _cross_check(check: CrossCheck) -> Document:
+def _cross_check(check: CrossCheck) -> CrossCheckSummary:
     """Return what was compared; why nothing was is among the warnings."""
-    return {name: value for name, value in asdict(check).items() if name != "why_none"}
+    return {
+        "method": check.method,
+        "disagreement": check.disagreement,
+        "horizon": check.horizon,
+        "agrees": check.agrees,
+    }
 
 
-def provenance() -> Document:
+def provenance() -> ProvenanceSummary:
     """Return what computes here. What is equal in all of it gives equal problems the same bits."""
     return {
         "version": version_of("polhode"),
@@ -91,7 +112,7 @@ def provenance() -> Document:
     }
 
 
-def _evidence(problem: Problem, motion: Motion) -> Document:
+def _evidence(problem: Problem, motion: Motion) -> Mapping[str, float | int | str]:
     """Return what the solvers measured, and what the motion says of itself beside its error."""
     potential = problem.potential
     simpler = format_tree(potential.tree) if is_simplified(potential) else None
@@ -103,7 +124,7 @@ def _evidence(problem: Problem, motion: Motion) -> Document:
     return {**motion.evidence, **{name: value for name, value in said.items() if value is not None}}
 
 
-def _period(motion: Motion) -> Document | None:
+def _period(motion: Motion) -> EstimateSummary | None:
     period = motion.dense.period
     if period is None:
         return None
@@ -111,50 +132,55 @@ def _period(motion: Motion) -> Document | None:
     return _estimate(Estimate(period.hi, error))
 
 
-def _estimate(number: Estimate) -> Document:
+def _estimate(number: Estimate) -> EstimateSummary:
     """Return a number with the bound of the error of the decimal that it is written as."""
     return {"value": number.value, "error": printed_error(number.value, number.error)}
 
 
-def _limit(limit: Asymptote) -> Document:
-    estimates = {"time": limit.time, "rate": limit.rate}
-    known = {name: None if number is None else _estimate(number) for name, number in estimates.items()}
-    return {**asdict(limit), **known}
+def _limit(limit: Asymptote) -> AsymptoteSummary:
+    time, rate = (None if number is None else _estimate(number) for number in (limit.time, limit.rate))
+    return {"kind": limit.kind, "time": time, "rate": rate, "gamma": limit.gamma}
 
 
-def _enclosure(ball: arb) -> Document:
+def _enclosure(ball: arb) -> EnclosureSummary:
     value, radius = as_decimals(ball)
     return {"value": value, "radius": radius}
 
 
-def _invariants(findings: Findings) -> tuple[Document | None, list[Notice]]:
+def _invariants(outputs: Outputs) -> tuple[Mapping[str, IntegralSummary] | None, list[Notice]]:
     """Return the integrals, and a warning that tells those whose numbers are beyond doubles."""
-    if findings.drifts is None:
+    if outputs.drifts is None:
         return None, []
-    found: dict[str, Document] = {name: {"drift": drift} for name, drift in asdict(findings.drifts).items()}
-    for each in findings.further:
+    integrals: dict[str, IntegralSummary] = {
+        name: {"drift": drift} for name, drift in asdict(outputs.drifts).items()
+    }
+    for each in outputs.further:
         kind = each.integral.kind
-        found[each.integral.name] = {"value": each.value, "drift": each.drift, "kind": kind}
-    found |= {f"relation: {name}": {"drift": drift} for name, drift in findings.relations.items()}
-    beyond = [name for name, numbers in found.items() if not _are_finite(numbers)]
-    told: Document = {name: numbers for name, numbers in found.items() if name not in beyond}
+        integrals[each.integral.name] = {"value": each.value, "drift": each.drift, "kind": kind}
+    integrals |= {f"relation: {name}": {"drift": drift} for name, drift in outputs.relations.items()}
+    beyond = [name for name, numbers in integrals.items() if not _are_finite(numbers)]
+    finite = {name: numbers for name, numbers in integrals.items() if name not in beyond}
     text = f"left out, since doubles do not reach so far: {', '.join(beyond)}"
-    return told, [Notice("invariants_not_finite", text, "/outputs")] if beyond else []
+    return finite, [Notice("invariants_not_finite", text, "/outputs")] if beyond else []
 
 
-def _are_finite(numbers: Document) -> bool:
+def _are_finite(numbers: IntegralSummary) -> bool:
     return all(isfinite(number) for number in numbers.values() if isinstance(number, float))
 
 
-def _precession(precession: Precession) -> Document:
+def _precession(precession: Precession) -> PrecessionSummary:
     return {"psi1": _estimate(precession.psi1), "psi3": _estimate(precession.psi3)}
 
 
-def _stability(stability: Stability, closed_trace: Estimate | None) -> Document:
-    pairs = [[multiplier.real, multiplier.imag] for multiplier in stability.multipliers]
-    errors = {
+def _stability(stability: Stability, closed_trace: Estimate | None) -> StabilitySummary:
+    return {
+        "trace": stability.trace,
         "error": printed_error(stability.trace, stability.error),
+        "multipliers": [[multiplier.real, multiplier.imag] for multiplier in stability.multipliers],
+        "multipliers_error": stability.multipliers_error,
+        "verdict": stability.verdict,
+        "exponent": stability.exponent,
         "exponent_error": printed_error(stability.exponent, stability.exponent_error),
+        "trusted_time": stability.trusted_time,
+        "closed_form_trace": None if closed_trace is None else _estimate(closed_trace),
     }
-    closed = None if closed_trace is None else _estimate(closed_trace)
-    return {**asdict(stability), **errors, "multipliers": pairs, "closed_form_trace": closed}

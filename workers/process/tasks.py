@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from service.jobs.records import ChunkOutcome, Drawn, JobKind, Refused, SolveOutcome, StoredSolution
+from service.jobs.records import AtlasResult, ChunkOutcome, JobKind, Refused, SolveOutcome, StoredSolution
 
 if TYPE_CHECKING:  # the children that load this module need no database
     from workers.process.runner import Computations
@@ -93,7 +93,7 @@ def solve_chunk(document_json: str) -> ChunkOutcome:
     return compute_chunk(document_json)
 
 
-def draw_atlas(document_json: str) -> Drawn | Refused:
+def draw_atlas(document_json: str) -> AtlasResult | Refused:
     """Call :func:`workers.computation.atlases.draw_document`."""
     from workers.computation.atlases import draw_document  # noqa: PLC0415
 

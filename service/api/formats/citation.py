@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 
+from service.schemas.reading.documents import Part
+
 PAPER = "New solvable problems in the dynamics of a rigid body about a fixed point in a potential field"
 """Title of the paper by H. M. Yehia that the method is from."""
 PROGRAM = "The polhode authors"
@@ -31,13 +33,10 @@ class Cited:
     numerics: int
 
 
-def title_of(problem: Mapping[str, object]) -> str:
+def title_of(problem: Part) -> str:
     """Return what the solution of a problem document is, in words, with its moments and its potential."""
     body, motion = problem["body"], problem["motion"]
     potential = problem["potential"]
-    assert isinstance(body, Mapping)
-    assert isinstance(motion, Mapping)
-    assert isinstance(potential, Mapping)
     kinds = {"planar": "Planar motion", "state": "Motion from a given state"}
     kind = kinds.get(str(motion["type"])) or f"Classical motion ({motion.get('case')})"
     moments = ", ".join(f"{name} = {body[name]}" for name in ("A", "B", "C") if body.get(name) is not None)

@@ -1,7 +1,7 @@
 """POST /v1/validations: returns a verdict, and stores nothing."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -35,7 +35,7 @@ from service.schemas.problem.problem import check_problem, check_question
 from service.schemas.problem.questions import Question
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.problem.trusted import ONE_AT_A_TIME
-from service.schemas.reading.documents import InvalidProblemError
+from service.schemas.reading.documents import Document, InvalidProblemError, Part
 from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
@@ -66,7 +66,7 @@ class ValidationQuery(QueryModel):
 
 router = APIRouter(prefix="/v1/validations", tags=["validations"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "admissible": {
         "value": {
             "body": {"A": 2, "C": 1},
@@ -107,7 +107,7 @@ async def validate(
     """Tell whether a potential admits planar motions, with the proof, and list the motions.
 
     A document with a motion and times is a whole problem. It is refused with
-    the errors that `POST /v1/jobs` would give; otherwise `plan` tells what its job
+    the errors that `POST /v1/jobs` would give; otherwise `plan` says what its job
     would do. Nothing is stored.
     """
     asked = await inside.reading.run(len(content), _checked, content, inside.settings)
@@ -125,13 +125,13 @@ class _Asked:
     question: Question
     whole: CheckedProblem | None
     """The problem, if motion and times are given."""
-    document: Mapping[str, object]
+    document: Document
     text: str
 
 
 async def _judged(
     inside: Resources, asked: _Asked, formats: Sequence[Format], claimant: Claimant
-) -> Mapping[str, object] | None:
+) -> Part | None:
     if not formats:
         return await examine(inside.verdicts, examine_question, asked.text, claimant)
     seconds = inside.settings.formula_seconds
@@ -141,7 +141,6 @@ async def _judged(
 def _checked(content: bytes, settings: Settings) -> _Asked:
     document = read_json(content)
     question, whole = check_question(document)
-    assert isinstance(document, dict)
     if whole is not None:
         check_problem_samples(whole.problem, settings)
     return _Asked(question, whole, document, json.dumps(document))
@@ -151,22 +150,19 @@ def _planned(
     inside: Resources,
     asked: _Asked,
     checked: CheckedProblem,
-    verdict: Mapping[str, object] | None,
+    verdict: Part | None,
 ) -> Response:
     if verdict is None:
         with ONE_AT_A_TIME:
             found = classification_of(asked.question)
         plan = plan_document(checked.problem, None)
         verdict = {**dict.fromkeys(VerdictOut.model_fields), "warnings": [], "plan": plan, "classical": found}
-    plan = _completed(inside, asked.document, checked, verdict["plan"])
-    return json_response(VerdictOut.model_validate({**verdict, "plan": plan}))
+    completed = _completed(inside, asked.document, checked, verdict["plan"])
+    return json_response(VerdictOut.model_validate({**verdict, "plan": completed}))
 
 
-def _completed(
-    inside: Resources, document: Mapping[str, object], checked: CheckedProblem, plan: object
-) -> dict[str, object]:
+def _completed(inside: Resources, document: Document, checked: CheckedProblem, plan: Part) -> Part:
     """Add to the plan of a job the expected seconds and a stored solution."""
-    assert isinstance(plan, dict)
     window, table = plan["window"], AccuracyStore(inside.database).current()
     problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
     accepted = Submission(problem, checked).settled(window, table)
@@ -184,9 +180,9 @@ def _completed(
 
 
 def _tiers(
-    document: Mapping[str, object],
+    document: Document,
     problem: Problem,
-    window: Mapping[str, object] | None,
+    window: Document | None,
     table: AccuracyTable,
     *,
     is_usual: bool,
@@ -211,7 +207,7 @@ def _tiers(
     return tiers
 
 
-def _refusal_at(document: Mapping[str, object], tier: Tier) -> str | None:
+def _refusal_at(document: Document, tier: Tier) -> str | None:
     """Return why a problem is none at a tier."""
     try:
         check_problem({**document, "accuracy": {"tier": tier}})

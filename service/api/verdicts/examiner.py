@@ -1,39 +1,88 @@
-"""Examines problems: by what this process or the store keeps, and by a child process for the rest.
+"""Examines problems: by what this process or the store has cached, and by a child process for the rest.
 
 The formulas of a verdict are simplified as far as there is time.
 """
 
 import json
+import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from http import HTTPStatus
-from typing import Any  # a document that was read from JSON
+from typing import Protocol
 
 from starlette.concurrency import run_in_threadpool
 
 from service.api.replies.errors import ApiError
 from service.api.verdicts.verdict_queue import Claimant, VerdictQueue
 from service.api.verdicts.verdict_queue import Examination as Call
+from service.cache import Cache
 from service.dynamics.accuracy import AccuracyTable
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.budgets import choose_tier, with_tier
 from service.schemas.problem.problem import check_problem, problem_digest
 from service.schemas.problem.rules import CheckedProblem
-from service.schemas.reading.documents import Fault, Part
-from service.schemas.reading.marks import UNMARKED, Marks
+from service.schemas.reading.annotation import UNANNOTATED, Annotation
+from service.schemas.reading.documents import Document, Fault, Part
 from service.storage.examinations import ExaminationStore
 from service.typesetting.equations import Format
-from service.verdicts.cache_rows import Entry, Examination, ExaminationKeys
+from service.verdicts.cache_rows import CacheRow, Examination, ExaminationKeys
 from service.verdicts.examination import examine_problems
 from service.verdicts.formulas import examine_question_with_formulas, simplify_formula, with_simplified
-from service.verdicts.memory import KeptExaminations
+
+MOST_BYTES = 32_000_000
+"""Largest size of the contents that one process holds in memory, in front of the store."""
 
 
-async def examine(
-    verdicts: VerdictQueue, examination: Call, text: str, claimant: Claimant
-) -> Mapping[str, object] | None:
+class RowStore(Protocol):
+    """A store that other processes share."""
+
+    def get(self, keys: Sequence[str]) -> Mapping[str, str]:
+        """Return the contents of those keys that are there."""
+        ...
+
+
+class CachedExaminations:
+    """The rows used last in this process, then those of the store. Safe between threads."""
+
+    def __init__(self, store: RowStore, *, most_bytes: int = MOST_BYTES) -> None:
+        self._store = store
+        self._lock = threading.Lock()
+        self._cache: Cache[str, str] = Cache(most_bytes, len)
+        self._hits = self._misses = 0
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Numbers of the keys that were found, in memory or in the store, and of those that were not."""
+        with self._lock:
+            return self._hits, self._misses
+
+    def get(self, keys: Sequence[str]) -> dict[str, str]:
+        """Return the contents of those keys that are there; what is not in memory is read from the store."""
+        found = self.in_memory(keys)
+        missing = [key for key in dict.fromkeys(keys) if key not in found]
+        if missing:
+            stored = self._store.get(missing)
+            self.put(CacheRow(key, content) for key, content in stored.items())
+            found.update(stored)
+        with self._lock:
+            self._hits += len(found)
+            self._misses += sum(key not in found for key in missing)
+        return found
+
+    def in_memory(self, keys: Sequence[str]) -> dict[str, str]:
+        """Return the contents of those keys that this process has."""
+        cached = {key: self._cache.get(key) for key in keys}
+        return {key: content for key, content in cached.items() if content is not None}
+
+    def put(self, rows: Iterable[CacheRow]) -> None:
+        """Hold rows in memory, and drop those that were not used for longest."""
+        for row in rows:
+            self._cache.put(row.key, row.content)
+
+
+async def examine(verdicts: VerdictQueue, examination: Call, text: str, claimant: Claimant) -> Part | None:
     """Return the examination's answer to the JSON document ``text``: a verdict, or None if it needs none.
 
     Raises
@@ -46,15 +95,15 @@ async def examine(
     return verdict_in(json.loads(await verdicts.ask(examination, text, claimant)))
 
 
-def verdict_in(answer: Mapping[str, Any]) -> Mapping[str, object] | None:
+def verdict_in(answer: Part) -> Part | None:
     """Return the verdict in an answer of the child, None if it has none; raise the error in it."""
     if "error" in answer:
         raise _refusal(answer["error"])
-    verdict: Mapping[str, object] | None = answer["verdict"]
+    verdict: Part | None = answer["verdict"]
     return verdict
 
 
-def _refusal(error: Mapping[str, object]) -> ApiError:
+def _refusal(error: Document) -> ApiError:
     extras = dict(error)
     code, detail, pointer = (str(extras.pop(name)) for name in ("code", "detail", "pointer"))
     given = extras.pop("faults", None)
@@ -67,12 +116,12 @@ def _refusal(error: Mapping[str, object]) -> ApiError:
 
 async def examine_with_formulas(
     verdicts: VerdictQueue,
-    document: Mapping[str, object],
+    document: Document,
     formats: Sequence[Format],
     claimant: Claimant,
     *,
     seconds: float,
-) -> Mapping[str, object] | None:
+) -> Part | None:
     """Return the verdict with its formulas, which are simplified for ``seconds`` at most; raises as examine.
 
     A formula for which SymPy takes too long or too much memory stays as it is, and so does one for which the
@@ -83,7 +132,6 @@ async def examine_with_formulas(
     if verdict is None:
         return None
     works = verdict["works"]
-    assert isinstance(works, list)
     answers: list[str] = []
     deadline = time.monotonic() + seconds
     for work in works:
@@ -103,14 +151,14 @@ class Submission:
     """As it is stored: without labels and note, and in the end with a tier in place of a budget."""
     checked: CheckedProblem
     """What it states."""
-    marks: Marks = UNMARKED
+    annotation: Annotation = UNANNOTATED
     keys: ExaminationKeys | None = None
     """Keys of its examination; None for a motion that needs none."""
     text: str = ""
     """The document as JSON, for a child that examines it."""
     answer: Part | None = None
     """The answer of its examination; None before it, and where none is needed."""
-    entries: tuple[Entry, ...] = ()
+    entries: tuple[CacheRow, ...] = ()
     """Its verdict and the windows of its curve: to be stored with its job, unless they are there."""
     seconds: float = 0.0
     """Seconds that a child took for it."""
@@ -151,18 +199,18 @@ class Submission:
 class Examiner:
     """Examines problems; what equal ones have in common is found once for the whole installation."""
 
-    def __init__(self, verdicts: VerdictQueue, kept: KeptExaminations, store: ExaminationStore) -> None:
-        self._verdicts, self._kept, self._store = verdicts, kept, store
+    def __init__(self, verdicts: VerdictQueue, cache: CachedExaminations, store: ExaminationStore) -> None:
+        self._verdicts, self._cache, self._store = verdicts, cache, store
 
     def known(self, problem: Submission) -> Submission | None:
         """Return a problem with its answer, if this process has examined it before."""
         key = problem.to_examine().answer
-        content = self._kept.in_memory([key]).get(key)
+        content = self._cache.in_memory([key]).get(key)
         return None if content is None else self._answered(problem, json.loads(content), 0.0)
 
-    def kept(self, problems: Sequence[Submission]) -> dict[str, str]:
-        """Return what is kept of problems; the store is asked for what this process does not know."""
-        return self._kept.get(_keys(problems))
+    def cached(self, problems: Sequence[Submission]) -> dict[str, str]:
+        """Return what is cached of problems; what is not in memory is read from the store."""
+        return self._cache.get(_keys(problems))
 
     async def examine(
         self,
@@ -170,27 +218,27 @@ class Examiner:
         claimant: Claimant,
         *,
         crashes: int = 1,
-        kept: Mapping[str, str] | None = None,
+        cached: Mapping[str, str] | None = None,
     ) -> list[Submission]:
         """Return problems with the answers of one child; raises what :meth:`VerdictQueue.ask` raises.
 
-        ``kept`` is what :meth:`kept` returns of them, for callers who have asked already.
+        ``cached`` is what :meth:`cached` returns of them, for callers who have asked already.
 
         If all are refused, what was found is stored here, since there is no job to store it with.
         """
         keys = _keys(problems)
-        if kept is None and len(self._kept.in_memory(keys)) == len(keys):
-            kept = self._kept.get(keys)
-        elif kept is None:
-            kept = await run_in_threadpool(self._kept.get, keys)
+        if cached is None and len(self._cache.in_memory(keys)) == len(keys):
+            cached = self._cache.get(keys)
+        elif cached is None:
+            cached = await run_in_threadpool(self._cache.get, keys)
         reply = json.loads(
-            await self._verdicts.ask(examine_problems, _text(problems, kept), claimant, crashes=crashes)
+            await self._verdicts.ask(examine_problems, _text(problems, cached), claimant, crashes=crashes)
         )
-        entries = tuple(Entry(key, content) for key, content in reply["found"].items())
-        self._kept.remember(entries)
+        entries = tuple(CacheRow(key, content) for key, content in reply["found"].items())
+        self._cache.put(entries)
         answers: list[Part] = reply["answers"]
-        self._kept.remember(
-            Entry(problem.to_examine().answer, json.dumps(answer))
+        self._cache.put(
+            CacheRow(problem.to_examine().answer, json.dumps(answer))
             for problem, answer in zip(problems, answers, strict=True)
             if "error" not in answer
         )
@@ -202,8 +250,8 @@ class Examiner:
         ]
 
     def _answered(self, problem: Submission, answer: Part, seconds: float) -> Submission:
-        found = {} if "error" in answer else self._kept.in_memory(_keys([problem]))
-        entries = tuple(Entry(key, content) for key, content in found.items())
+        found = {} if "error" in answer else self._cache.in_memory(_keys([problem]))
+        entries = tuple(CacheRow(key, content) for key, content in found.items())
         return replace(problem, answer=answer, entries=entries, seconds=seconds)
 
 
@@ -213,10 +261,10 @@ def _keys(problems: Sequence[Submission]) -> list[str]:
     return list(dict.fromkeys(key for keys in found for key in (keys.verdict, keys.windows)))
 
 
-def _text(problems: Sequence[Submission], kept: Mapping[str, str]) -> str:
-    """Return the problems with what is kept of them; documents are JSON already."""
+def _text(problems: Sequence[Submission], cached: Mapping[str, str]) -> str:
+    """Return the problems with what is cached of them; documents are JSON already."""
     parts = (
         f'{{"document":{problem.text},"verdict":"{keys.verdict}","windows":"{keys.windows}"}}'
         for problem, keys in ((problem, problem.to_examine()) for problem in problems)
     )
-    return f'{{"problems":[{",".join(parts)}],"kept":{json.dumps(kept)}}}'
+    return f'{{"problems":[{",".join(parts)}],"cached":{json.dumps(cached)}}}'

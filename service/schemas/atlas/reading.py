@@ -92,7 +92,7 @@ class AtlasIn(WireModel):
 
 
 @dataclass(frozen=True, slots=True)
-class AtlasQuestion:
+class AtlasRequest:
     """A request for an atlas."""
 
     body: RigidBody
@@ -104,17 +104,17 @@ class AtlasQuestion:
     accepts_undecided: bool
 
 
-def trusted_atlas(document: Part) -> AtlasQuestion:
+def trusted_atlas(document: Part) -> AtlasRequest:
     """Return what a valid document asks; raises what its constructors raise."""
     body = body_of(document)
     return _question(document, body, potential_of(document["potential"], body))
 
 
-def _question(document: Part, body: RigidBody, potential: Potential) -> AtlasQuestion:
+def _question(document: Part, body: RigidBody, potential: Potential) -> AtlasRequest:
     lower, upper = map(exact_number, document["lambda"])
     g1_sign, g3_sign = (sign_of(document.get(name, 1)) for name in ("g1_sign", "g3_sign"))
     outputs = document.get("outputs", ("period",))
-    return AtlasQuestion(
+    return AtlasRequest(
         body,
         potential,
         LambdaRange(lower, upper, g1_sign, g3_sign),
@@ -125,7 +125,7 @@ def _question(document: Part, body: RigidBody, potential: Potential) -> AtlasQue
     )
 
 
-def read_atlas(document: object) -> AtlasQuestion:
+def read_atlas(document: object) -> AtlasRequest:
     """Return what the document asks.
 
     Raises

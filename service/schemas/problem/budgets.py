@@ -1,7 +1,5 @@
 """Chooses the tier that fits a time budget."""
 
-from collections.abc import Mapping
-
 from service.dynamics.accuracy import (
     TIERS,
     AccuracyTable,
@@ -16,17 +14,16 @@ from service.dynamics.accuracy import (
     motion_kind,
 )
 from service.dynamics.problem import Problem, StateMotion, TimeList
+from service.schemas.reading.documents import Part
 
-Document = Mapping[str, object]
 
-
-def window_of(verdict: Document | None) -> Document | None:
+def window_of(verdict: Part | None) -> Part | None:
     """Return the window of the single motion in the verdict on a problem, None without a verdict."""
     motions = None if verdict is None else verdict["motions"]
     return motions[0] if isinstance(motions, list) else None
 
 
-def choose_tier(problem: Problem, window: Document | None, table: AccuracyTable) -> TierChoice:
+def choose_tier(problem: Problem, window: Part | None, table: AccuracyTable) -> TierChoice:
     """Return the best tier that is expected to keep the budget of ``problem``.
 
     ``window`` is that of its motion as a verdict lists it; None for a motion
@@ -45,14 +42,14 @@ def choose_tier(problem: Problem, window: Document | None, table: AccuracyTable)
 
 
 def expected_of_tiers(
-    problem: Problem, window: Document | None, table: AccuracyTable
+    problem: Problem, window: Part | None, table: AccuracyTable
 ) -> dict[Tier, Expected | Unavailable | None]:
     """Return what is expected of ``problem`` at each tier, by the table alone."""
     kind, family = _kind_of(problem, window), family_of(problem.body, problem.potential)
     return {tier: expected(table, tier, _samples(problem), kind, family) for tier in TIERS}
 
 
-def with_tier(document: Document, choice: TierChoice) -> dict[str, object]:
+def with_tier(document: Part, choice: TierChoice) -> Part:
     """Return a problem document with the tier in place of its budget."""
     return {**document, "accuracy": {"tier": choice.tier}}
 
@@ -61,15 +58,12 @@ def _samples(problem: Problem) -> int:
     return len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples
 
 
-def _kind_of(problem: Problem, window: Document | None) -> MotionKind:
+def _kind_of(problem: Problem, window: Part | None) -> MotionKind:
     is_integrated = isinstance(problem.motion, StateMotion) or problem.method == "integration"
     return "any state" if is_integrated else _kind(window)
 
 
-def _kind(window: Document | None) -> MotionKind:
+def _kind(window: Part | None) -> MotionKind:
     if window is None:
         return "any state"
-    kind, ends = window["kind"], window["ends"]
-    assert isinstance(kind, str)
-    assert isinstance(ends, list)
-    return motion_kind(kind, ends)
+    return motion_kind(window["kind"], window["ends"])

@@ -34,7 +34,8 @@ from service.schemas.problem.sections import (
     ToleranceIn,
 )
 from service.schemas.problem.trusted import DEFAULT_OUTPUTS
-from service.schemas.reading.marks_in import LABELS_HELP, NOTE_HELP, Labels, Note
+from service.schemas.reading.annotation_in import LABELS_HELP, NOTE_HELP, Labels, Note
+from service.schemas.reading.documents import Document
 from service.schemas.reading.numbers import (
     Exact,
     Positive,
@@ -156,7 +157,7 @@ class AuditIn(WireModel):
     method: Method | None = Field(default=None, description="Another method.")
 
 
-def audited_problem(problem: dict[str, object], document: dict[str, object]) -> dict[str, object]:
+def audited_problem(problem: Document, document: Document) -> Document:
     """Return the ``problem`` with what a valid ``document`` of an audit changes of it."""
     return {**problem, **{name: value for name, value in document.items() if value is not None}}
 

@@ -17,6 +17,7 @@ from pydantic import (
 )
 
 from service.dynamics.classical.catalogue import CASES
+from service.schemas.reading.documents import Document
 from service.schemas.reading.numbers import (
     Exact,
     Nonzero,
@@ -142,16 +143,16 @@ class ClassicalMotionIn(Section):
             message = f"the square of its length is {float(square):.17g}; 1 is accepted, within 2e-15"
             raise refuse("not_unit_gamma", message, below="gamma")
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document with every field that the case takes, defaults filled in."""
-        defaults: dict[str, object] = {
+        defaults: Document = {
             "phase": "0",
             "direction": 1,
             "sign": 1,
             "solution": None,
             "spin": None,
         }
-        document: dict[str, object] = {"type": self.type, "case": self.case}
+        document: Document = {"type": self.type, "case": self.case}
         for name in CASES[self.case].fields:
             document[name] = _text(getattr(self, name), defaults.get(name))
         return document
@@ -268,9 +269,9 @@ class PlanarMotionIn(Section):
             raise refuse(code, message, below=below)
         return self
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the canonical document, with every field that applies."""
-        curve: dict[str, object] = (
+        curve: Document = (
             {"nu": str(self.nu)}
             if self.nu is not None
             else {"lambda": str(self.lambda_), "g1_sign": self.g1_sign or 1}
@@ -314,7 +315,7 @@ class StateMotionIn(Section):
             )
         return self
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {
             "type": self.type,

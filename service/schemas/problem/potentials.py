@@ -29,7 +29,7 @@ from service.dynamics.potentials.families.general_solution import QUADRANTS
 from service.dynamics.potentials.terms.bound_formula import bound_formula, require_parameter_names
 from service.dynamics.potentials.terms.powers import MAX_TERMS
 from service.schemas.problem.trusted import DEFAULT_ANGLE, formula_of, potential_of
-from service.schemas.reading.documents import Fault, fault_of
+from service.schemas.reading.documents import Document, Fault, fault_of
 from service.schemas.reading.numbers import Exact, read_exact, refuse
 from service.schemas.reading.parts import (
     TAG_MARK,
@@ -157,7 +157,7 @@ class GeneralIn(FormulaModel):
             raise refuse(code, message, below=below)
         return self
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the canonical document: formulas printed by our printer, equal ones merged."""
         formulas: dict[str, str] = {}
         for function in _VARIABLES:
@@ -248,7 +248,7 @@ class ExpressionIn(FormulaModel):
         examples=["a*g1 + b/g3^2"],
     )
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the canonical document: the formula printed by our printer, parameters in order."""
         return {
             "type": self.type,
@@ -287,7 +287,7 @@ class GravityIn(PotentialModel):
     b: Exact = Field(default=Fraction(0), description="Of g2; 0 if left out.")
     c: Exact = Field(default=Fraction(0), description="Of g3; 0 if left out.")
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document with every field."""
         return {"type": self.type, "a": str(self.a), "b": str(self.b), "c": str(self.c)}
 
@@ -303,7 +303,7 @@ class RationalIn(PotentialModel):
     b: Coefficients = Field(default_factory=list, description="b1, b2, ...; zeros if left out.")
     c: Coefficients = Field(default_factory=list, description="c1, c2, ...; zeros if left out.")
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document; zeros at the ends of the lists say nothing and go."""
         return {"type": self.type, "a": _trimmed(self.a), "b": _trimmed(self.b), "c": _trimmed(self.c)}
 
@@ -320,7 +320,7 @@ class HomogeneousIn(PotentialModel):
         description="Of the logarithmic terms: where B_n, or C_n for A < C, is undefined or a multiple of Q.",
     )
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document; zeros at the ends of the lists say nothing and go."""
         lists = {"A": self.A, "B": self.B, "C": self.C, "log": self.log}
         return {"type": self.type} | {name: _trimmed(values) for name, values in lists.items()}

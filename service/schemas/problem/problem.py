@@ -20,7 +20,7 @@ from service.schemas.problem.documents import MEMBERS, ProblemIn, ValidationIn
 from service.schemas.problem.questions import Question, question_of
 from service.schemas.problem.rules import CheckedProblem, Reading, combination_faults, read_setting
 from service.schemas.problem.trusted import CACHED, CurveNumber, curve_of, on_curve
-from service.schemas.reading.documents import Fault, InvalidProblemError, first_of
+from service.schemas.reading.documents import Document, Fault, InvalidProblemError, Part, first_of
 from service.schemas.reading.numbers import read_nonzero, read_positive
 from service.schemas.reading.parts import read_parts
 
@@ -78,11 +78,9 @@ def _validated(document: object, model: type[ProblemIn]) -> CheckedProblem:
 
 
 def _on_curve(like: CheckedProblem, curve: CurveNumber, number: Fraction) -> CheckedProblem:
-    def canonical() -> dict[str, object]:
-        document = like.canonical
-        motion = document["motion"]
-        assert isinstance(motion, dict)
-        return {**document, "motion": {**motion, curve.field: str(number)}}
+    def canonical() -> Document:
+        document: Part = like.canonical
+        return {**document, "motion": {**document["motion"], curve.field: str(number)}}
 
     return CheckedProblem(on_curve(like.problem, curve.field, number), canonical)
 

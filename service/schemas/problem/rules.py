@@ -19,7 +19,7 @@ from service.schemas.problem.motions import CURVE_FIELDS, ClassicalMotionIn, cur
 from service.schemas.problem.potentials import MODELS, GravityIn, PotentialModel
 from service.schemas.problem.sections import BodyIn, TierIn, TimePeriodsIn
 from service.schemas.problem.trusted import ONE_AT_A_TIME, body_of, potential_of, problem_of
-from service.schemas.reading.documents import Fault, Part, fault_of
+from service.schemas.reading.documents import Document, Fault, Part, fault_of
 from service.schemas.reading.parts import Section, fields_of
 
 SECTIONS = ("body", "potential", "motion", "time", "accuracy")
@@ -205,11 +205,11 @@ class CheckedProblem:
     """A problem and its canonical document."""
 
     problem: Problem
-    write: Callable[[], dict[str, object]]
+    write: Callable[[], Document]
     """Makes the canonical document, which takes as long as reading a formula; workers need none."""
 
     @cached_property
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """The canonical document: documents that state the same problem have the same.
 
         In it numbers are exact, as strings; formulas are printed by our printer; defaults are filled in.
@@ -240,8 +240,8 @@ class Reading:
             return None
         problem = problem_of(self.document(), self.body, self.potential)
 
-        def canonical() -> dict[str, object]:
-            document: dict[str, object] = {name: part.canonical() for name, part in found.items()}
+        def canonical() -> Document:
+            document: Document = {name: part.canonical() for name, part in found.items()}
             document |= {"method": problem.method, "outputs": list(problem.outputs)}
             # Left out at its default, so that older documents keep their digests.
             if problem.accept != "proved" and isinstance(problem.motion, PlanarMotion):

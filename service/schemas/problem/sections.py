@@ -22,6 +22,7 @@ from service.dynamics.accuracy import (
     TIERS,
 )
 from service.dynamics.problem import Tier
+from service.schemas.reading.documents import Document
 from service.schemas.reading.numbers import (
     MAX_SAMPLES,
     Instant,
@@ -81,7 +82,7 @@ class ToleranceIn(Section):
         _attainable(self.tolerance, "tolerance")
         return self
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {"tolerance": str(self.tolerance)}
 
@@ -102,7 +103,7 @@ class RelativeIn(Section):
         _attainable(self.relative, "relative")
         return self
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {"relative": str(self.relative)}
 
@@ -124,7 +125,7 @@ class TierIn(Section):
             raise refuse("conflicting_fields", "bits are for the tier certified only", below="bits")
         return self
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the canonical document, with bits for the tier certified only."""
         if self.tier != "certified":
             return {"tier": self.tier}
@@ -142,7 +143,7 @@ class BudgetIn(Section):
             raise refuse("out_of_range", "at most 3600 seconds are accepted", below="budget_seconds")
         return self
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {"budget_seconds": str(self.budget_seconds)}
 
@@ -181,7 +182,7 @@ class BodyIn(Section):
     )
     allow_unphysical: bool = Field(default=False, description="Accept moments that no body can have.")
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document with every field."""
         return {
             "A": None if self.A is None else str(self.A),
@@ -206,7 +207,7 @@ class TimeSpanIn(Section):
             )
         return self
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document with every field."""
         return {"start": str(self.start), "stop": str(self.stop), "samples": self.samples}
 
@@ -217,7 +218,7 @@ class TimePeriodsIn(Section):
     periods: Periods = Field(description="Number of periods, > 0; a fraction is accepted.")
     samples: Samples = Field(description="Number of times.")
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {"periods": str(self.periods), "samples": self.samples}
 
@@ -229,7 +230,7 @@ class TimeListIn(Section):
         list[Instant], Field(min_length=1, max_length=MAX_SAMPLES), each_of(read_time, most=MAX_SAMPLES)
     ] = Field(description="In any order, in the unit of time that the problem implies.")
 
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the document."""
         return {"times": [str(time) for time in self.times]}
 

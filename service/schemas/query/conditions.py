@@ -114,7 +114,7 @@ class Excerpt:
 
     text: str
     start: int
-    """Where it begins in the parameter, from 0."""
+    """Its first character in the parameter, from 0."""
 
     def stripped(self) -> "Excerpt":
         """Return the part without spaces around it."""

@@ -15,6 +15,9 @@ from service.dynamics.exact import NumberBeyondDoubles, is_zero_text
 Part = Mapping[str, Any]
 """A document that was read from JSON, or an object in it."""
 
+Document = dict[str, object]
+"""A document that is written."""
+
 MAX_FAULTS = 200
 """Most faults listed: of 100 000 wrong numbers only the first are."""
 _TOLD_IN_SENTENCE = 10
@@ -192,7 +195,7 @@ class _Fields:
     def __init__(self) -> None:
         self._count = 0
 
-    def read(self, pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
+    def read(self, pairs: Sequence[tuple[str, object]]) -> Document:
         """Return the object of these fields."""
         self._count += len(pairs)
         if len(pairs) > MAX_FIELDS:

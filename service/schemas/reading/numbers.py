@@ -19,7 +19,7 @@ from pydantic_core import InitErrorDetails, PydanticCustomError, PydanticKnownEr
 
 from service.dynamics.errors import InvalidNumberError
 from service.dynamics.exact import exact_number, exact_text
-from service.schemas.reading.documents import MAX_FAULTS
+from service.schemas.reading.documents import MAX_FAULTS, Document
 
 LARGEST = Fraction(10) ** 300
 """Numbers other than 0 lie between 1/LARGEST and LARGEST in absolute value: within a double's range."""
@@ -155,7 +155,7 @@ def _short(number: Fraction) -> str:
     return text if len(text) <= 40 else f"{float(number):.6g}"
 
 
-_EXACT_TEXT: dict[str, object] = {
+_EXACT_TEXT: Document = {
     "type": "string",
     # A ratio of integers or a decimal, as exact_number reads it, apart from limits of length.
     "pattern": r"^\s*([+-]?[0-9]+(/[0-9]+)?|[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]{1,4})?)\s*$",
@@ -164,7 +164,7 @@ _NUMBER_TEXT = {**_EXACT_TEXT, "examples": ["17/10", "1e-12"]}
 _NUMBER = [{"type": "number"}, _NUMBER_TEXT]
 
 
-def integer_schema(example: str, *, minimum: int, maximum: int) -> dict[str, object]:
+def integer_schema(example: str, *, minimum: int, maximum: int) -> Document:
     """Return the JSON schema of an integer that may also be written as text."""
     number = {"type": "integer", "minimum": minimum, "maximum": maximum}
     return {"anyOf": [number, {**_EXACT_TEXT, "examples": [example]}]}

@@ -14,7 +14,7 @@ from typing import Any, TypeVar  # Any: JSON schemas and documents
 from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
-from service.schemas.reading.documents import MAX_FAULTS, Fault, pointer_to
+from service.schemas.reading.documents import MAX_FAULTS, Document, Fault, pointer_to
 from service.schemas.reading.numbers import refuse
 
 Schema = dict[str, Any]
@@ -60,7 +60,7 @@ class Section(WireModel, ABC):
     """A part of a document that has a canonical document: equal parts have equal ones."""
 
     @abstractmethod
-    def canonical(self) -> dict[str, object]:
+    def canonical(self) -> Document:
         """Return the canonical document."""
 
 
@@ -151,7 +151,7 @@ _EXPECTED = {
 
 def read_parts(
     document: object, model: type[Model], members: Mapping[str, type[BaseModel]]
-) -> tuple[dict[str, object], list[Fault]]:
+) -> tuple[Document, list[Fault]]:
     """Return the parts of ``document`` that could be read, and the faults of the others.
 
     Fields that were left out have their defaults. ``members`` are the classes of the unions in
@@ -172,7 +172,7 @@ def read_parts(
     return {name: getattr(whole, name) for name in model.model_fields}, []
 
 
-def read_part(model: type[BaseModel], name: str, document: dict[str, object]) -> object:
+def read_part(model: type[BaseModel], name: str, document: Document) -> object:
     """Return one part of ``document``, its default if it was left out; raises pydantic's ValidationError."""
     if name not in document:
         return model.model_fields[name].get_default(call_default_factory=True, validated_data={})

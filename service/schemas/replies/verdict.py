@@ -104,13 +104,13 @@ class MotionWindowOut(ResponseModel):
     window: int = Field(description="Its number, for the motion's `window`.")
     kind: Literal["periodic", "separatrix", "equilibrium", "standstill", "collision", "pole", "edge"] = Field(
         description="`periodic`, or what keeps the motion from coming back: it tends to an equilibrium"
-        " (`separatrix`), stays in one (`equilibrium`), comes to rest after a finite time at a place"
+        " (`separatrix`), stays in one (`equilibrium`), comes to rest after a finite time at a point"
         " that it may leave at any later one (`standstill`), reaches a singularity of the potential"
         " (`collision`), tends to the `pole`, or meets the `edge` of the potential's domain."
     )
     ends: tuple[EndOut, EndOut] = Field(
         description="Where |g1| is smallest, where it is largest. At a `collision` p² grows without bound,"
-        " and the motion ends after a finite time; one at a pole of the sphere is told as `pole`."
+        " and the motion ends after a finite time; one at a pole of the sphere is named `pole`."
     )
     g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
     g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")

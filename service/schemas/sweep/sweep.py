@@ -27,7 +27,7 @@ from service.dynamics.motion import columns_of
 from service.dynamics.problem import Output, Problem, TimeList
 from service.dynamics.sweep_axes import Axis, LinearAxis, ListedAxis, LogarithmicAxis, UniformAxis, at
 from service.schemas.problem.trusted import trusted_problem
-from service.schemas.reading.documents import Part, split_pointer, with_values
+from service.schemas.reading.documents import Document, Part, split_pointer, with_values
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -81,7 +81,7 @@ class Sweep:
         places = self._places(np.array([index], dtype=np.int64))
         return tuple(each.axis.value(int(place[0])) for each, place in zip(self.axes, places, strict=True))
 
-    def document(self, index: int) -> dict[str, object]:
+    def document(self, index: int) -> Document:
         """Return the problem document of one point."""
         values = self.values(index)
         replaced = {each.path: json_number(value) for each, value in zip(self.axes, values, strict=True)}
@@ -163,9 +163,6 @@ def json_number(value: Fraction) -> int | float | str:
     return double if exact_number(double) == value else exact_text(value)
 
 
-Document = Mapping[str, object]
-
-
 @dataclass(frozen=True, slots=True)
 class KeptNumber:
     """The place of a number in a solution, and the output it needs."""
@@ -229,7 +226,7 @@ NUMBERS: Mapping[str, KeptNumber] = {
 DEFAULT_KEEP = ("period", "energy", "error")
 
 
-def kept_numbers(solution: Document, names: Sequence[str]) -> list[float]:
+def kept_numbers(solution: Part, names: Sequence[str]) -> list[float]:
     """Return these numbers of a solution's document; NaN for missing ones.
 
     Certified decimals are rounded to doubles; the error then covers the rounding too.
@@ -237,7 +234,7 @@ def kept_numbers(solution: Document, names: Sequence[str]) -> list[float]:
     return [_number(solution, NUMBERS[name].path) for name in names]
 
 
-def _number(solution: Document, path: tuple[str, ...]) -> float:
+def _number(solution: Part, path: tuple[str, ...]) -> float:
     *parents, field = path
     found: object = solution
     for part in parents:
@@ -254,7 +251,7 @@ def _number(solution: Document, path: tuple[str, ...]) -> float:
     return float(value) if isinstance(value, int | float) else math.nan
 
 
-def _error_of_rounded(enclosure: Document) -> float:
+def _error_of_rounded(enclosure: Part) -> float:
     """Return the bound of the error of a certified decimal's double, rounded upwards."""
     middle, radius = exact_number(str(enclosure["value"])), exact_number(str(enclosure["radius"]))
     return math.nextafter(float(radius + abs(middle - Fraction(float(middle)))), math.inf)

@@ -22,7 +22,7 @@ from service.storage.searching.narrowing import (
     MANY,
     MOST,
     ROW,
-    Found,
+    Narrowed,
     entries,
     label_of_order,
     members,
@@ -67,11 +67,6 @@ class _Search:
     missing: tuple[OrderKey, ...] = ()
     """Keys before these of which the rows have no value."""
 
-    @property
-    def subjects(self) -> list[Subject]:
-        """What conditions and order are about."""
-        return [*(each.subject for each in self.conditions), *(key.subject for key in self.keys)]
-
 
 def find(session: Session, source: Source, query: ListQuery) -> FoundPage:
     """Return one page."""
@@ -108,43 +103,23 @@ def _found(search: _Search) -> list[_Row]:
     """Return the rows.
 
     They are those that meet a condition that few rows meet, or the first ones in the order of the page; if
-    these have not enough of them, what takes least: those that meet some condition, or all in the order.
+    these have not enough of them, the same with a greater bound.
     """
     lead, about = _led(search)
-    if lead is not None and len(about) == len(search.conditions):
-        return _walked(search) or []
+    sorted_by = [key.subject for key in search.keys]
     bound = MANY
-    while bound <= MOST:
-        few = met_by_few(search.session, search.source, search.conditions, search.subjects, bound)
-        if bound > MANY and _is_shorter(search, bound if few is None or few.cost is None else few.cost):
-            break
+    while bound <= MOST and (lead is None or len(about) < len(search.conditions)):
+        few = met_by_few(search.session, search.source, search.conditions, sorted_by, bound)
         if few is not None:
             return _sorted(search, few)
-        rows = _walked(search, window=MANY) if bound == MANY else None
+        rows = _walked(search, window=bound)
         if rows is not None:
             return rows
         bound *= FURTHER
     return _walked(search) or []
 
 
-def _is_shorter(search: _Search, cost: int) -> bool:
-    """Tell whether all rows can be read in their order at less than a cost."""
-    lead, about = _led(search)
-    if lead is None:
-        return False
-    tried = _tried_in_rows(search, lead, about)
-    others = members(search.source, tried)
-    collected = [each for about_one in others for each in about_one]
-    each = 1 if lead != ID and all(condition in collected for condition in tried) else ROW
-    cost -= sum(entries(search.session, search.source, about_one, cost) for about_one in others)
-    if cost <= 0:
-        return False
-    index, led = _index_of(search, lead, about)
-    some = index.select(index.id).where(*index.always, *led).limit(cost // each + 1).subquery()
-    return each * (search.session.scalar(select(func.count()).select_from(some)) or 0) < cost
-
-
-def _sorted(search: _Search, few: Found) -> list[_Row]:
+def _sorted(search: _Search, few: Narrowed) -> list[_Row]:
     """Return the rows from those that meet the conditions, all of which are sorted."""
     source, given = few.source, few.given
     order = order_of(search.session, source, search.keys)
@@ -203,7 +178,8 @@ def _led(search: _Search) -> tuple[Subject | None, list[Condition]]:
     first = search.keys[0].subject
     if not search.source.has_index_of(first):
         return None, list(search.conditions)
-    known = [first, *(key.subject for key in search.missing)]
+    missing = [key.subject for key in search.missing if search.source.is_covered(key.subject)]
+    known = [first, *missing]
     return first, [each for each in search.conditions if each.subject in known]
 
 
@@ -222,16 +198,26 @@ def _tried_in_rows(search: _Search, lead: Subject, about: Sequence[Condition]) -
     return [each for each in search.conditions if each not in about and not view.is_covered(each.subject)]
 
 
+def _collected(
+    search: _Search, lead: Subject, about: Sequence[Condition], window: int | None
+) -> list[list[Condition]]:
+    """Return those of these conditions whose rows are collected from tables of their own, in a window few."""
+    found = members(search.source, _tried_in_rows(search, lead, about))
+    if window is None:
+        return found
+    return [each for each in found if entries(search.session, search.source, each, window) <= window]
+
+
 def _in_order(search: _Search, window: int | None) -> list[_Row] | None:
     """Return rows that all have a value in the first column of their order."""
     session, source, conditions, keys = search.session, search.source, search.conditions, search.keys
     lead, about = _led(search)
-    tried = [] if lead is None else _tried_in_rows(search, lead, about)
-    others = [] if window is not None else members(source, tried)
+    others = [] if lead is None else _collected(search, lead, about, window)
     view = source
     if lead is not None and source.attached(lead) is not None:
-        collected = [about_one[0].subject for about_one in others]
-        view = source.through(lead, [each for each in search.subjects if each not in collected])
+        collected = [each for about_one in others for each in about_one]
+        asked = [each.subject for each in conditions if each not in collected]
+        view = source.through(lead, [*asked, *(key.subject for key in keys)])
     given = [*view.always, *conditions_of(view, about), *tests(session, view, conditions, about, others)]
     order = order_of(session, view, keys)
     order[0] = order[0].present
@@ -241,19 +227,26 @@ def _in_order(search: _Search, window: int | None) -> list[_Row] | None:
     statement = _selected(view, order).where(*given)
     last = None
     if window is not None and lead is not None and len(about) < len(conditions):
-        last = _end_of_window(search, lead, about, window)
+        last = _end_of_window(search, lead, about, others, window)
         if last is not None:
             statement = statement.where(order[0].not_after(last))
     rows = _read(search, statement, order, [*sorting_of(led_by), *sorting_of(order)])
     return None if last is not None and len(rows) < search.wanted else rows
 
 
-def _end_of_window(search: _Search, lead: Subject, about: Sequence[Condition], window: int) -> Value | None:
+def _end_of_window(
+    search: _Search,
+    lead: Subject,
+    about: Sequence[Condition],
+    others: Sequence[Sequence[Condition]],
+    window: int,
+) -> Value | None:
     """Return the value at which a window of the index of the order ends, None if it reaches to the end."""
     index, led = _index_of(search, lead, about)
     first = order_of(search.session, index, search.keys[:1])[0].present
     begin = [first.not_before(search.after[0])] if search.after and search.after[0] is not None else []
-    has_all = lead != ID and not _tried_in_rows(search, lead, about)
+    collected = [each for about_one in others for each in about_one]
+    has_all = lead != ID and all(each in collected for each in _tried_in_rows(search, lead, about))
     size = window if has_all else window // ROW
     statement = index.select(first.expression).where(*index.always, *led, *begin)
     found: Value | None = search.session.scalar(

@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator
 
-from sqlalchemy import ForeignKey, Index, PrimaryKeyConstraint, String, Text, Uuid
+from sqlalchemy import JSON, ForeignKey, Index, PrimaryKeyConstraint, String, Text, Uuid
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.schemas.reading.marks import LONGEST_NOTE
-from service.storage.tables.base import ASKED_DOCUMENT, Base, Document
+from service.schemas.reading.annotation import LONGEST_NOTE
+from service.schemas.reading.documents import Document
+from service.schemas.replies.summary import SolutionSummary
+from service.storage.tables.base import ASKED_DOCUMENT, Base
 
 ASKED = (
     "family", "method", "tier", "stability", "aperiodic",
@@ -66,7 +68,7 @@ class SolutionRow(AskedColumns, Base):
     note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
     # After all that is short: on SQLite what is read of a row costs what stands before it.
     problem: Mapped[Document] = mapped_column(sort_order=1)
-    summary: Mapped[Document] = mapped_column(sort_order=1)
+    summary: Mapped[SolutionSummary] = mapped_column(JSON(), sort_order=1)
 
 
 class SolutionNumberRow(AskedColumns, Base):

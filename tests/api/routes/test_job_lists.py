@@ -82,10 +82,10 @@ def test_equal_problems_and_those_solved_before_are_not_computed_twice(client, s
 
 
 def test_either_all_accepted_problems_are_stored_or_none(client, jobs, monkeypatch):
-    def fail(self, session, queued):
+    def fail(self, session, has_queued):
         raise RuntimeError("between the jobs and the commit")
 
-    monkeypatch.setattr(SqlJobStore, "_deliver", fail)
+    monkeypatch.setattr(SqlJobStore, "_announce", fail)
     assert post(client, [STATE, PLANAR]).status_code == 500
     monkeypatch.undo()
     assert list_jobs(jobs).total == 0
@@ -162,7 +162,7 @@ def test_equal_potentials_are_judged_once(monkeypatch):
     # Two verdicts, and the windows of three curves.
     assert len(reply["found"]) == 5
     judged.clear()
-    again = json.loads(examination.examine_problems(json.dumps({**asked, "kept": reply["found"]})))
+    again = json.loads(examination.examine_problems(json.dumps({**asked, "cached": reply["found"]})))
     assert (again["answers"], again["found"]) == (alone, {})
     assert len(again["seconds"]) == len(problems)
     assert judged == []

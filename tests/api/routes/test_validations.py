@@ -5,7 +5,9 @@ import json
 import pytest
 
 from service.dynamics.accuracy import TIER_TOLERANCES, TIERS
+from service.schemas.problem.problem import read_problem, read_question
 from service.verdicts.examination import examine_problem, examine_question
+from service.verdicts.refusals import refusal_of_reading
 from tests.support.api import PLANAR, STATE, finish
 
 pytestmark = pytest.mark.any_database
@@ -25,8 +27,9 @@ def problem(text="-g1", nu=1, time=None, **sections):
     return {"body": DOUBLE, "potential": expression(text), "motion": motion, "time": time, **sections}
 
 
-def error_of(examine, document):
-    return json.loads(examine(json.dumps(document))).get("error")
+def error_of(read, examine, document):
+    """Return why a document is refused: by who validates it, else by its examination."""
+    return refusal_of_reading(document, read) or json.loads(examine(json.dumps(document))).get("error")
 
 
 REFUSED = {
@@ -46,9 +49,9 @@ REFUSED = {
 
 @pytest.mark.parametrize("document", REFUSED.values(), ids=REFUSED)
 def test_a_problem_is_refused_with_what_its_job_would_be_refused_with(document):
-    refusal = error_of(examine_problem, document)
+    refusal = error_of(read_problem, examine_problem, document)
     assert refusal is not None
-    found = error_of(examine_question, document)
+    found = error_of(read_question, examine_question, document)
     if refusal["code"] != "invalid_problem":
         assert found == refusal
         return
@@ -74,14 +77,14 @@ NORTHERN = "-g1 + g1^2 - g2^2"
 )
 def test_what_a_motion_asks_for_is_judged_without_times_too(text, motion, code):
     document = problem(text, motion=motion)
-    refusal = error_of(examine_problem, document)
+    refusal = error_of(read_problem, examine_problem, document)
     del document["time"]
     assert refusal["code"] == code
-    assert error_of(examine_question, document) == refusal
+    assert error_of(read_question, examine_question, document) == refusal
 
 
 def test_the_windows_that_there_are_come_with_the_one_that_is_not():
-    refusal = error_of(examine_question, problem(NORTHERN, motion={"window": 5}))
+    refusal = error_of(read_question, examine_question, problem(NORTHERN, motion={"window": 5}))
     assert [window["window"] for window in refusal["windows"]] == [0]
     assert "accepted is 0" in refusal["detail"]
 

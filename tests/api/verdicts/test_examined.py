@@ -5,13 +5,12 @@ import json
 
 import pytest
 
-from service.api.verdicts.examiner import Examiner, Submission
+from service.api.verdicts.examiner import CachedExaminations, Examiner, Submission
 from service.api.verdicts.verdict_queue import Claimant
 from service.schemas.problem.problem import check_problem
 from service.storage.examinations import ExaminationStore
-from service.verdicts import cached as kept
+from service.verdicts import cached
 from service.verdicts.cache_rows import keys_of
-from service.verdicts.memory import KeptExaminations
 from tests.support.api import PLANAR
 
 pytestmark = pytest.mark.any_database
@@ -36,7 +35,7 @@ class Process:
 
     def __init__(self, database):
         self.store, self.queue = ExaminationStore(database), InlineQueue()
-        self.memory = KeptExaminations(self.store)
+        self.memory = CachedExaminations(self.store)
         self.examiner = Examiner(self.queue, self.memory, self.store)
 
     def examine(self, *documents):
@@ -55,8 +54,8 @@ def on_curve(lambda_, **changes):
 @pytest.fixture
 def decided(monkeypatch):
     calls = []
-    decide = kept.decide
-    monkeypatch.setattr(kept, "decide", lambda *given: calls.append(given) or decide(*given))
+    decide = cached.decide
+    monkeypatch.setattr(cached, "decide", lambda *given: calls.append(given) or decide(*given))
     return calls
 
 
@@ -80,7 +79,7 @@ def test_another_process_starts_with_what_was_stored(database, decided):
     (same,) = other.examine(on_curve(1))
     (near,) = other.examine(on_curve(2))
     assert same.answer == found.answer
-    assert [len(asked["kept"]) for asked in other.queue.asked] == [2, 1]
+    assert [len(asked["cached"]) for asked in other.queue.asked] == [2, 1]
     assert len(decided) == 1
     assert {e.key for e in near.entries} & {e.key for e in found.entries} == {
         problem(on_curve(1)).keys.verdict

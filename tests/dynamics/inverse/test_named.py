@@ -49,7 +49,7 @@ ADMISSIBLE = [
 @pytest.mark.parametrize(("text", "alpha"), ADMISSIBLE)
 def test_named_formulas_are_those_of_any_other_values(text, alpha):
     asked, other = question(text, alpha), question(text, alpha, OTHERS)
-    body, named = asked.body, asked.stated.named(asked.body)
+    body, named = asked.body, asked.named()
     found, again = decompose(body, asked.potential), decompose(body, other.potential)
     formulas = named.formulas(body, found, asked.potential)
     verdict = decide(body, other.potential)
@@ -67,7 +67,7 @@ def test_named_formulas_are_those_of_any_other_values(text, alpha):
 
 def test_names_keep_the_form_in_which_they_were_sent():
     asked = question("a*g1 + b/g3^2", 2)
-    formulas = asked.stated.named(asked.body).formulas(asked.body, None, asked.potential)
+    formulas = asked.named().formulas(asked.body, None, asked.potential)
     assert formulas.energy == "-1/2*a*nu - 2*b*nu^-2"
 
 
@@ -75,21 +75,21 @@ def test_what_holds_for_these_values_only_has_no_names():
     # Admissible since the g2-terms cancel with a = b.
     asked = question("a*(g1 + g2) - b*g2", 2, {"a": 1, "b": 1})
     assert decide(asked.body, asked.potential).verdict == "admissible"
-    formulas = asked.stated.named(asked.body).formulas(asked.body, None, asked.potential)
+    formulas = asked.named().formulas(asked.body, None, asked.potential)
     assert (formulas.energy, formulas.energies) == (None, None)
 
 
 @pytest.mark.parametrize("name", ["nu", "lambda", "w"])
 def test_a_parameter_named_as_the_curve_is_not_put_in(name):
     asked = question(f"{name}*g1", 2, {name: 1})
-    assert asked.stated.named(asked.body) is None
+    assert asked.named() is None
 
 
 @pytest.mark.parametrize(("text", "alpha"), [("g1 + a*g3^2 + b*g1*g2", 2), ("a*b*g1^2*g2 + b*g3^2 - g1", 3)])
 def test_the_nearest_potential_is_that_of_any_other_values(text, alpha):
     asked, other = question(text, alpha), question(text, alpha, OTHERS)
     nearest = nearest_admissible(asked.body, asked.potential)
-    named = asked.stated.named(asked.body).nearest(asked.body, nearest, asked.potential)
+    named = asked.named().nearest(asked.body, nearest, asked.potential)
     expected = nearest_admissible(other.body, other.potential).expression
     ours, theirs = (
         as_polynomial(Potential.from_tree(tree, "expression"))
@@ -109,7 +109,7 @@ STATED = [
 @pytest.mark.parametrize(("potential", "body", "h"), STATED)
 def test_every_family_has_names(potential, body, h):
     asked = read_question({"body": body, "potential": potential})
-    formulas = asked.stated.named(asked.body).formulas(asked.body, None, asked.potential)
+    formulas = asked.named().formulas(asked.body, None, asked.potential)
     assert formulas.energy is not None
     assert h is None or formulas.energy == h
     if potential["type"] == "homogeneous":

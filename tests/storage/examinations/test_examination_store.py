@@ -11,7 +11,7 @@ from service.storage import examinations as kept_rows
 from service.storage.examinations import ExaminationStore
 from service.storage.inspection.blob_inspection import check_blobs, repair_examinations
 from service.storage.tables.operations import ExaminationRow
-from service.verdicts.cache_rows import Entry
+from service.verdicts.cache_rows import CacheRow
 
 DAMAGES = [{"content": b'{"number": 7}'}, {"content": b"\xff\x00"}, {"seal": "0" * 64}]
 
@@ -22,7 +22,7 @@ def kept(database):
 
 
 def entries(count, first=0):
-    return [Entry(f"{first + k:064x}", f'{{"number": {first + k}, "ω": "é"}}') for k in range(count)]
+    return [CacheRow(f"{first + k:064x}", f'{{"number": {first + k}, "ω": "é"}}') for k in range(count)]
 
 
 def keys_in(database):

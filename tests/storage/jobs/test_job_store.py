@@ -12,11 +12,11 @@ from service.jobs.records import (
     ALLOWED,
     MOST_DOUBTS,
     AttemptOutcome,
+    ClaimedJobs,
     JobFinishedError,
     JobNotFoundError,
     JobState,
     SolutionNotFoundError,
-    Taken,
 )
 from service.storage.database.rows import new_id
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
@@ -250,7 +250,7 @@ def test_nothing_but_a_success_is_reused(jobs, end):
 def test_equal_jobs_that_wait_together_are_computed_once(jobs, database):
     first, second = jobs.submit(PROBLEM, "digest"), jobs.submit(PROBLEM, "digest")
     succeed(jobs, claim(jobs))
-    assert jobs.take("worker", 2, lease_seconds=60) == Taken(reused=(second.id,))
+    assert jobs.take("worker", 2, lease_seconds=60) == ClaimedJobs(reused=(second.id,))
     done = jobs.get(second.id)
     assert (done.state, done.reused) == (JobState.SUCCEEDED, True)
     assert done.solution_id == jobs.get(first.id).solution_id

@@ -58,7 +58,7 @@ def run(monkeypatch, caplog, nobody, presence):
         nobody,
         presence,
         waker,
-        line=None,
+        service=None,
         announcements=None,
         takes_jobs=lambda: True,
         is_warm=lambda: True,

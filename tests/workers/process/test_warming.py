@@ -205,7 +205,7 @@ def test_jobs_are_taken_after_the_first_stage_and_the_row_says_warm_after_the_se
         recorder,
         recorder,
         waker,
-        line=recorder,
+        service=recorder,
         announcements=None,
         takes_jobs=recorder.takes_jobs,
         is_warm=recorder.is_warm,

@@ -37,14 +37,6 @@ sandbox.start()
 print(sandbox.run(loaded_by, sys.argv[1], seconds=None))
 sandbox.close()
 """
-LINEAR_ALGEBRA = """
-import json, sys
-import workers.process.preloaded
-names = sorted({"numba", "scipy.linalg"} & set(sys.modules))
-import numba, numpy, scipy.linalg
-trace = numba.njit(lambda matrix: numpy.dot(matrix, matrix).sum())
-print(json.dumps([names, trace(numpy.eye(3))]))
-"""
 THREADS = """
 import workers.sweeping.warming as warming
 from tests.support.loaded_code import threads
@@ -77,13 +69,6 @@ def test_the_first_jobs_of_a_child_load_no_compiled_code():
     before, more = printed(IN_A_CHILD, json.dumps(FIRST_JOBS))
     assert before > 0
     assert more == 0
-
-
-def test_the_fork_server_loads_no_linear_algebra_which_kernels_do_not_call():
-    # Numba would load it to see whether there is BLAS.
-    names, calls = printed(LINEAR_ALGEBRA)
-    assert names == ["numba"]
-    assert calls == 3.0  # it is there for whoever needs it later
 
 
 def test_the_fork_server_starts_no_thread_which_no_child_would_inherit():

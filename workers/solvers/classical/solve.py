@@ -81,7 +81,7 @@ def _integrated(problem: Problem, placed: Placed) -> Motion:
         gamma,
         times.doubles,
         tolerance=problem.tolerance,
-        rests=times.rests,
+        low_parts=times.low_parts,
     )
 
 
@@ -150,8 +150,8 @@ def _span(times: SampleTimes) -> tuple[float, float]:
 
 
 def _motion(problem: Problem, placed: Placed, dense: DenseOutput, asked: SampleTimes) -> Motion:
-    times, rests = asked.doubles, asked.rests
-    samples = dense(times, rests) if len(times) else np.zeros((0, len(COLUMNS)))
+    times, low_parts = asked.doubles, asked.low_parts
+    samples = dense(times, low_parts) if len(times) else np.zeros((0, len(COLUMNS)))
     motion = Motion(
         method="quadrature",
         dense=dense,
@@ -166,7 +166,7 @@ def _motion(problem: Problem, placed: Placed, dense: DenseOutput, asked: SampleT
         cross_check=None,
         conventions=(),
         evidence={"case": placed.case.name},
-        rests=rests,
+        low_parts=low_parts,
     )
     return with_claim_raised(problem.body, problem.potential, motion)
 

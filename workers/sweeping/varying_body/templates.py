@@ -7,7 +7,6 @@ theirs, twice, and tells for each constant of the program which number of the po
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -20,10 +19,14 @@ from service.dynamics.formula.limits import MAX_EXPONENT
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.compiled.evaluation.program import Program, make_program
+from workers.sweeping.parameters.family import fraction_of, ratio_of
 from workers.sweeping.parameters.programs import nearest_double, numbers_of
 
 FloatArray = NDArray[np.float64]
 Key = tuple[object, ...]
+MOMENTS = ("A", "B", "C")
+MOST_TEMPLATES = 64
+"""Structures of a potential that one sweep has templates for; other points are left to single jobs."""
 
 
 class MomentsOfPoint(NamedTuple):
@@ -35,8 +38,8 @@ class MomentsOfPoint(NamedTuple):
 
     def body(self) -> RigidBody:
         """Return the body; whether there is one is known already."""
-        B = None if self.B is None else _fraction(self.B)
-        return RigidBody(_fraction(self.A), B, _fraction(self.C), allow_unphysical=True)
+        B = None if self.B is None else fraction_of(self.B)
+        return RigidBody(fraction_of(self.A), B, fraction_of(self.C), allow_unphysical=True)
 
 
 class Model(Protocol):
@@ -69,7 +72,7 @@ class Template:
     fixed: tuple[fmpq | None, ...]
     """The same exactly, None for π."""
     varying: Mapping[int, tuple[int, int]]
-    """The others by their places: which value, and its sign."""
+    """The others by their indices: which value, and its sign."""
     exponents: Mapping[int, int]
     """The base of each exponent, by the index of the exponent: two of one base would be one instruction."""
     distinct: tuple[int, int]
@@ -77,10 +80,10 @@ class Template:
 
     def numbers(self, values: Sequence[fmpq]) -> list[fmpq | None]:
         """Return the numbers of the tape at a point, None for π."""
-        found = list(self.fixed)
-        for slot, (place, sign) in self.varying.items():
-            found[slot] = values[place] if sign > 0 else -values[place]
-        return found
+        constants = list(self.fixed)
+        for slot, (index, sign) in self.varying.items():
+            constants[slot] = values[index] if sign > 0 else -values[index]
+        return constants
 
     def row(self, numbers: Sequence[fmpq | None]) -> list[float]:
         """Return the constants of the program at a point, each rounded once."""
@@ -111,21 +114,21 @@ def shared_template(model: Model, moments: MomentsOfPoint, numbers: Sequence[fmp
     if make_program(other)[0].key != program.key:
         return None
     varying: dict[int, tuple[int, int]] = {}
-    fixed = [None if number is None else _ratio(number) for number in numbers_of(tape)]
+    fixed = [None if number is None else ratio_of(number) for number in numbers_of(tape)]
     for slot, (number, seen) in enumerate(zip(fixed, numbers_of(other), strict=True)):
-        if number is None or seen is None or number == _ratio(seen):
+        if number is None or seen is None or number == ratio_of(seen):
             continue
-        found = _source(number, _ratio(seen), values, others)
-        if found is None:
+        source = _source(number, ratio_of(seen), values, others)
+        if source is None:
             return None
-        varying[slot] = found
+        varying[slot] = source
     return _template(program, tape, constants, fixed, varying)
 
 
 def own_template(tape: Tape) -> Template:
     """Return the template of one point."""
     program, constants = make_program(tape)
-    fixed = [None if number is None else _ratio(number) for number in numbers_of(tape)]
+    fixed = [None if number is None else ratio_of(number) for number in numbers_of(tape)]
     return _template(program, tape, constants, fixed, {})
 
 
@@ -158,16 +161,8 @@ def _source(
     number: fmpq, seen: fmpq, values: Sequence[fmpq], others: Sequence[fmpq]
 ) -> tuple[int, int] | None:
     """Return the value that a number is, or is the opposite of, at both probes."""
-    for place, (value, other) in enumerate(zip(values, others, strict=True)):
+    for index, (value, other) in enumerate(zip(values, others, strict=True)):
         for sign in (1, -1):
             if number == sign * value and seen == sign * other:
-                return place, sign
+                return index, sign
     return None
-
-
-def _ratio(value: Fraction) -> fmpq:
-    return fmpq(value.numerator, value.denominator)
-
-
-def _fraction(value: fmpq) -> Fraction:
-    return Fraction(int(value.p), int(value.q))

@@ -1,6 +1,5 @@
 """/v1/sweeps: submit, list, show and cancel sweeps, and list the jobs that compute their points."""
 
-from collections.abc import Mapping
 from functools import partial
 from http import HTTPStatus
 from typing import Annotated
@@ -24,8 +23,8 @@ from service.jobs.keys import ApiKey
 from service.jobs.records import Job, JobState, SweepRecord
 from service.jobs.store import GivenKey
 from service.schemas.query.conditions import in_state
-from service.schemas.reading.documents import Fault
-from service.schemas.reading.marks import split_marks
+from service.schemas.reading.annotation import split_annotation
+from service.schemas.reading.documents import Document, Fault, Part
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
@@ -36,7 +35,7 @@ from service.storage.searching.sources import OF_SWEEP_ROWS, chunks_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "grid": {
         "value": {
             "base": {
@@ -87,7 +86,7 @@ async def submit_sweep(
     """Check a sweep and queue its first points; the others follow as those are done.
 
     The base must be a problem with the first value of each axis. Whether a
-    point has a motion is told by the point.
+    point has a motion is known when the point is computed.
     """
     given = read_key(idempotency_key, request, content, holder)
 
@@ -98,10 +97,9 @@ async def submit_sweep(
     return await inside.idempotency.once(given, work)
 
 
-def _checked(content: bytes, settings: Settings) -> tuple[dict[str, object], Sweep]:
+def _checked(content: bytes, settings: Settings) -> tuple[Part, Sweep]:
     document = read_json(content)
     sweep = read_sweep(document, max_points=settings.max_sweep_points)
-    assert isinstance(document, dict)
     if sweep.samples > settings.max_samples:
         message = f"{sweep.samples} samples; 1 to {settings.max_samples} are accepted here"
         raise InvalidSweepError([Fault("/base/time", "out_of_range", message)])
@@ -109,17 +107,17 @@ def _checked(content: bytes, settings: Settings) -> tuple[dict[str, object], Swe
 
 
 def _submit(
-    document: dict[str, object],
+    document: Part,
     sweep: Sweep,
     inside: Resources,
     holder: ApiKey | None,
     given: GivenKey | None,
 ) -> Response:
-    priority = _priority(document)
+    priority = int(document.get("priority", 0))
     check_priority(holder, priority, "/priority")
     inside.limits.reserve_points(holder, sweep.points)
     # Labels can be changed later; the document cannot.
-    stored, marks = split_marks(document)
+    stored, annotation = split_annotation(document)
     record = inside.sweeps.submit(
         stored,
         points=sweep.points,
@@ -127,21 +125,15 @@ def _submit(
         priority=priority,
         key_id=None if holder is None else holder.id,
         receipt=receipt_of(given, _submitted),
-        marks=marks,
+        annotation=annotation,
     )
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     return _submitted(record)
 
 
 def _submitted(record: SweepRecord) -> Response:
     headers = {"Location": f"/v1/sweeps/{record.id}"}
     return json_response(sweep_out(record), status=HTTPStatus.ACCEPTED, headers=headers)
-
-
-def _priority(document: Mapping[str, object]) -> int:
-    priority = document.get("priority", 0)
-    assert isinstance(priority, int | float)
-    return int(priority)
 
 
 @router.get(
@@ -179,7 +171,7 @@ def cancel_sweep(sweep_id: SweepId, inside: Inside, holder: Holder) -> Response:
     """
     check_owner(holder, inside.sweeps.get(sweep_id).key_id)
     record = inside.sweeps.cancel(sweep_id)
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     return json_response(sweep_out(record))
 
 

@@ -248,6 +248,6 @@ def undecided_verdict(*given):
 def test_a_verdict_that_time_left_open_is_not_kept(monkeypatch, seconds, is_kept):
     monkeypatch.setattr(cached, "decide", undecided_verdict)
     monkeypatch.setattr(cached, "VERDICT_PROCESSOR_SECONDS", seconds)
-    found = cached.Kept({})
+    found = cached.ResultCache({})
     found.verdict("a key", body(*DOUBLE), formula("g1", body(*DOUBLE)))
     assert ("a key" in found.found) is is_kept

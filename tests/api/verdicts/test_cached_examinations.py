@@ -1,7 +1,7 @@
 """The memory holds what was used last, and asks the store for the rest."""
 
-from service.verdicts.cache_rows import Entry
-from service.verdicts.memory import KeptExaminations
+from service.api.verdicts.examiner import CachedExaminations
+from service.verdicts.cache_rows import CacheRow
 
 
 class Store:
@@ -15,7 +15,7 @@ class Store:
 
 def test_the_store_is_asked_once_for_what_it_has():
     store = Store(a="one", b="two")
-    kept = KeptExaminations(store)
+    kept = CachedExaminations(store)
     assert kept.get(["a", "c"]) == {"a": "one"}
     assert kept.get(["a", "b"]) == {"a": "one", "b": "two"}
     assert kept.get(["b", "a"]) == {"a": "one", "b": "two"}
@@ -24,22 +24,22 @@ def test_the_store_is_asked_once_for_what_it_has():
 
 
 def test_what_was_not_used_for_longest_is_dropped_first():
-    kept = KeptExaminations(Store(), most_bytes=30)
-    kept.remember(Entry(name, name * 10) for name in "abc")
+    kept = CachedExaminations(Store(), most_bytes=30)
+    kept.put(CacheRow(name, name * 10) for name in "abc")
     kept.get(["a"])
-    kept.remember([Entry("d", "d" * 10)])
+    kept.put([CacheRow("d", "d" * 10)])
     assert set(kept.in_memory("abcd")) == {"a", "c", "d"}
 
 
 def test_an_entry_that_comes_twice_counts_once():
-    kept = KeptExaminations(Store(), most_bytes=30)
+    kept = CachedExaminations(Store(), most_bytes=30)
     for _ in range(5):
-        kept.remember([Entry("a", "x" * 20)])
-    kept.remember([Entry("b", "x" * 10)])
+        kept.put([CacheRow("a", "x" * 20)])
+    kept.put([CacheRow("b", "x" * 10)])
     assert set(kept.in_memory("ab")) == {"a", "b"}
 
 
 def test_an_entry_larger_than_the_memory_is_not_held():
-    kept = KeptExaminations(Store(), most_bytes=30)
-    kept.remember([Entry("a", "x" * 31)])
+    kept = CachedExaminations(Store(), most_bytes=30)
+    kept.put([CacheRow("a", "x" * 31)])
     assert kept.in_memory("a") == {}
