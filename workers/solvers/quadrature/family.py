@@ -11,7 +11,7 @@ from flint import ctx
 from numpy.typing import NDArray
 
 from service.dynamics.motion import Motion
-from service.dynamics.potentials.angular_part.along_curve import Curve
+from service.dynamics.potentials.angular_part.along_curve import LoopCurve
 from service.dynamics.potentials.families.general_solution import (
     SIGNS,
     AlongCurve,
@@ -86,7 +86,7 @@ class _OnLoop:
 @lru_cache(maxsize=KEPT)
 def _along(asked: _OnLoop) -> AlongCurve:
     loop = asked.loop
-    return along_curve(asked.potential, Curve(loop.alpha, loop.Z, loop.G, loop.mirrored))
+    return along_curve(asked.potential, LoopCurve(loop.alpha, loop.Z, loop.G, loop.mirrored))
 
 
 AnyPlace = TypeVar("AnyPlace", bound=Place)

@@ -38,7 +38,7 @@ def smooth_unit(alpha: Fraction) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class LoopCurve:
     """A curve in primed axes: those of the body, g1 and g3 exchanged if it is mirrored, so that α > 1."""
 
     alpha: Fraction
@@ -64,7 +64,7 @@ Piece = tuple[float, float]
 class CurveField(AngularField):
     """V1[F] at places of one curve: without derivatives by series, which are made where they are needed."""
 
-    curve: Curve = field(compare=False)
+    curve: LoopCurve = field(compare=False)
     pieces: dict[Piece, "tuple[arb, ...] | None"] = field(
         default_factory=dict, init=False, compare=False, repr=False
     )

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.tree import Tree
-from service.dynamics.potentials.angular_part.along_curve import Curve, CurveField
+from service.dynamics.potentials.angular_part.along_curve import CurveField, LoopCurve
 from service.dynamics.potentials.angular_part.field import AngularField
 from service.dynamics.potentials.angular_part.powers import powers_of
 from service.dynamics.potentials.potential import (
@@ -230,7 +230,7 @@ class AlongCurve(GeneralPotential):
         return (value, D) if D.rel_accuracy_bits() >= KNOWN else self.exact.value_and_D_ball(g1, g2, g3)
 
 
-def along_curve(potential: GeneralPotential, curve: Curve) -> AlongCurve:
+def along_curve(potential: GeneralPotential, curve: LoopCurve) -> AlongCurve:
     """Return the potential for many places of one curve."""
     first, second, third, fourth = (
         replace(piece, angular=CurveField(angular.body, angular.F, angular.reference_angle, curve))

@@ -6,7 +6,7 @@ import pytest
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.angular_part.along_curve import Curve
+from service.dynamics.potentials.angular_part.along_curve import LoopCurve
 from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.potentials.families.general_solution import AlongCurve, GeneralPotential, along_curve
 from service.dynamics.problem import PlanarMotion
@@ -30,7 +30,7 @@ def loop_of(A: int | str, C: int | str, F: str, G: str = "0") -> Loop:
 
 def both(loop: Loop) -> tuple[AlongCurve, GeneralPotential]:
     assert isinstance(loop.potential, GeneralPotential)
-    return along_curve(loop.potential, Curve(loop.alpha, loop.Z, loop.G, loop.mirrored)), loop.potential
+    return along_curve(loop.potential, LoopCurve(loop.alpha, loop.Z, loop.G, loop.mirrored)), loop.potential
 
 
 @pytest.mark.parametrize(("A", "C", "F"), CASES)
