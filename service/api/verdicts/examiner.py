@@ -150,7 +150,7 @@ class Submission:
     document: Part
     """As it is stored: without labels and note, and in the end with a tier in place of a budget."""
     checked: CheckedProblem
-    """What it states."""
+    """The document as it states the problem."""
     annotation: Annotation = UNANNOTATED
     keys: ExaminationKeys | None = None
     """Keys of its examination; None for a motion that needs none."""
@@ -175,7 +175,7 @@ class Submission:
 
     @property
     def examination(self) -> Examination | None:
-        """What is stored with its job of its examination."""
+        """Rows of its examination that are stored with its job."""
         return None if self.keys is None else Examination(self.keys.windows, self.seconds)
 
     def to_examine(self) -> ExaminationKeys:

@@ -70,7 +70,7 @@ class _Factor:
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class SectionSum:
     """G of a sum of monomials: parts with different factors, which are linearly independent."""
 
     parts: tuple[tuple[_Factor, Polynomial], ...]
@@ -92,7 +92,7 @@ class Section:
         return [polynomial.get(Fraction(k), _ZERO) for k in range(floor(max(polynomial)) + 1)]
 
 
-def section(body: RigidBody, expansion: Expansion) -> Section | None:
+def section(body: RigidBody, expansion: Expansion) -> SectionSum | None:
     """Return G of a potential expanded in a quadrant, None if it is too large."""
     collected: dict[_Factor, dict[tuple[int, Fraction], Fraction]] = defaultdict(
         lambda: defaultdict(Fraction)
@@ -116,7 +116,7 @@ def section(body: RigidBody, expansion: Expansion) -> Section | None:
             *_lowest_terms(parts, is_whole=is_whole), is_whole=is_whole
         ):
             reduced.append((replace(factor, rho=factor.rho + power), polynomial))
-    return Section(tuple(sorted(reduced, key=lambda part: (not part[0].is_one, part[0].two, part[0].rho))))
+    return SectionSum(tuple(sorted(reduced, key=lambda part: (not part[0].is_one, part[0].two, part[0].rho))))
 
 
 def substituted_formula(body: RigidBody, tree: Tree, signs: tuple[int, int]) -> str | None:

@@ -1,4 +1,4 @@
-"""What an installation offers: families of potentials, classical cases, and the accuracy table."""
+"""Offers of an installation: families of potentials, classical cases, and the accuracy table."""
 
 from dataclasses import asdict
 from typing import Literal, Self

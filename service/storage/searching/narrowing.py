@@ -31,7 +31,7 @@ _IN_LABELS = ("id", "created_at")
 
 @dataclass(frozen=True, slots=True)
 class Narrowed:
-    """How the rows of a query are found."""
+    """Ways to find the rows of a query."""
 
     source: Source
     """Where they are read."""

@@ -27,7 +27,7 @@ def _index_by(first: str) -> Index:
 
 
 class AskedColumns:
-    """What lists are asked for often: the columns above."""
+    """Facts that lists are often asked for: the columns above."""
 
     created_at: Mapped[float]
     family: Mapped[str | None] = mapped_column(String(32))
