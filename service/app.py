@@ -12,7 +12,7 @@ from service.api.dependencies import ReadingThreads, Resources, SharedAnswer
 from service.api.events.poller import ChangePoller
 from service.api.events.watcher import EventWatcher
 from service.api.heavy_reads import HeavyReads
-from service.api.keys.idempotency import IdempotencyDesk
+from service.api.keys.idempotency import IdempotencyGuard
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
@@ -22,7 +22,7 @@ from service.api.routing import install
 from service.api.verdicts.examiner import CachedExaminations, Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
@@ -30,7 +30,6 @@ from service.storage.database.cached_reads import CachedReads
 from service.storage.database.database import Database
 from service.storage.examinations import ExaminationStore
 from service.storage.jobs.changes import ChangeReader
-from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import SILENT_LEASES
 from service.storage.keys.idempotency_store import IdempotencyStore
@@ -40,7 +39,7 @@ from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
-from service.storage.upkeep.retention import DAY_SECONDS, Forgetting, Retention
+from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
 from service.verdicts.starting import VerdictChildren, verdict_children
 from service.versions import version_of
@@ -57,37 +56,37 @@ _MONITORING = 2
 def create_app(
     settings: Settings,
     *,
-    doorbell: Doorbell | None = None,
+    wake_up_socket: WakeUpSocket | None = None,
     sandbox: Sandbox | None = None,
     local_worker: Callable[[], WorkerStanding] | None = None,
 ) -> FastAPI:
     """Return the application on a migrated database.
 
-    A caller that starts local workers passes ``doorbell``, one that already has a
+    A caller that starts local workers passes ``wake_up_socket``, one that already has a
     sandbox passes ``sandbox``, and the caller closes them; without them the application
-    makes its own, and wakes no workers. ``local_worker`` returns the status of the
+    makes its own, and wake_ups no workers. ``local_worker`` returns the status of the
     local worker process.
     """
-    bell = doorbell or Doorbell()
+    wake_up = wake_up_socket or WakeUpSocket()
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        database, dispatcher = Database(settings.database_url), dispatcher_of(settings)
+        database = Database(settings.database_url, announces_jobs=settings.engine == "postgres")
         children = sandbox or VerdictChildren(settings).ready()
         statistics = Statistics(database, seen_seconds=SILENT_LEASES * settings.lease_seconds)
         keys = KeyStore(database)
         days = settings.samples_days
-        retention = Retention(database, older_than_seconds=None if days is None else days * DAY_SECONDS)
         ring, reads = KeyRing(keys), CachedReads(database)
         answers = IdempotencyStore(database)
-        forgetting = Forgetting(answers)
+        older_than_seconds = None if days is None else days * DAY_SECONDS
+        retention = Retention(database, answers, older_than_seconds=older_than_seconds)
         presence = ServicePresence(database, host=settings.host_name)
         examinations = ExaminationStore(database)
         kept = CachedExaminations(examinations)
-        sweeps = SweepStore(database, dispatcher)
+        sweeps = SweepStore(database)
         poller = ChangePoller(ChangeReader(database), sweeps, documents_of(database, settings))
         events = EventWatcher(poller, capacity=settings.event_streams)
-        bell.when_anything(events.wake, events.stop)
+        wake_up.when_anything(events.wake, events.stop)
         verdicts = VerdictQueue(children, settings, children=verdict_children())
         heavy = HeavyReads(settings, make_room=lambda: bool(app.state.close_one_unread()))
         metrics = Metrics(statistics, version=version_of("polhode"), local_worker=local_worker, kept=kept)
@@ -95,24 +94,24 @@ def create_app(
         app.state.resources = Resources(
             settings=settings,
             database=database,
-            jobs=SqlJobStore(database, dispatcher),
+            jobs=SqlJobStore(database),
             solutions=SolutionStore(database),
-            audits=AuditStore(database, dispatcher),
-            atlases=AtlasStore(database, dispatcher),
+            audits=AuditStore(database),
+            atlases=AtlasStore(database),
             sweeps=sweeps,
             sandbox=children,
             verdicts=verdicts,
             examiner=Examiner(verdicts, kept, examinations),
             reading=ReadingThreads(),
             heavy=heavy,
-            doorbell=bell,
+            wake_up=wake_up,
             events=events,
             metrics=metrics,
             metrics_text=SharedAnswer(metrics.text, monitoring),
             checks=SharedAnswer(lambda: checks_of(app.state.resources), monitoring),
             keys=ring,
             limits=LimitGuard(settings, keys),
-            idempotency=IdempotencyDesk(answers),
+            idempotency=IdempotencyGuard(answers),
             answers=Cache(_ANSWER_BYTES, len),
             reads=reads,
             presence=presence,
@@ -129,7 +128,6 @@ def create_app(
             await events.close()
             await to_thread.run_sync(heavy.close, limiter=CapacityLimiter(1))
             presence.close()
-            forgetting.close()
             retention.close()
             await to_thread.run_sync(verdicts.close, limiter=CapacityLimiter(1))
             if sandbox is None:
@@ -137,8 +135,8 @@ def create_app(
             ring.close()
             reads.close()
             database.close()
-            if doorbell is None:
-                bell.close()
+            if wake_up_socket is None:
+                wake_up.close()
 
     # /docs is a page of our own: FastAPI's pages load scripts from other hosts. So is /openapi.json.
     app = FastAPI(title="polhode", lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)

@@ -125,8 +125,8 @@ def start_logging(chosen: LogFormat | None, level: LogLevel) -> Logging:
 
 def current_logging() -> Logging | None:
     """Return the arguments of this process's :func:`start_logging`, for use in its children."""
-    found = [handler.logging for handler in logging.getLogger().handlers if isinstance(handler, _Handler)]
-    return found[0] if found else None
+    settings = [handler.logging for handler in logging.getLogger().handlers if isinstance(handler, _Handler)]
+    return settings[0] if settings else None
 
 
 def announce(line: str) -> None:
@@ -192,8 +192,8 @@ class _TextFormatter(logging.Formatter):
 
 def _fields(record: logging.LogRecord) -> dict[str, object]:
     """Return the fields of the context and those given with ``extra={"fields": …}``."""
-    given: Mapping[str, object] = getattr(record, "fields", {})
-    fields = {**_context.get(), **given}
+    extra: Mapping[str, object] = getattr(record, "fields", {})
+    fields = {**_context.get(), **extra}
     return {name: mask(value) if isinstance(value, str) else value for name, value in fields.items()}
 
 
@@ -210,11 +210,11 @@ def _uncaught(kind: type[BaseException], fault: BaseException, trace: TracebackT
     logging.getLogger(OURS[0]).critical("the process ends: %s", kind.__name__, exc_info=details)
 
 
-def _uncaught_in_thread(given: threading.ExceptHookArgs) -> None:
-    if given.exc_value is None or isinstance(given.exc_value, SystemExit):
+def _uncaught_in_thread(hook: threading.ExceptHookArgs) -> None:
+    if hook.exc_value is None or isinstance(hook.exc_value, SystemExit):
         return
-    details: _Details = (given.exc_type, given.exc_value, given.exc_traceback)
-    name = given.thread.name if given.thread else "?"
+    details: _Details = (hook.exc_type, hook.exc_value, hook.exc_traceback)
+    name = hook.thread.name if hook.thread else "?"
     logging.getLogger(OURS[0]).critical("the thread %s ends", name, exc_info=details)
 
 

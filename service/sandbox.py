@@ -344,8 +344,8 @@ def lack_of_room(*, tasks: int, megabytes: int) -> str | None:
         return f"the limit of {most} processes and threads (ulimit -u) is too low: {tasks} are needed"
     room, _ = resource.getrlimit(resource.RLIMIT_AS)
     if room != resource.RLIM_INFINITY and room < megabytes * _MB:
-        found = f"the limit of {room // _MB} MB of address space (ulimit -v)"
-        return f"{found} is too low: {megabytes} MB are needed"
+        limit = f"the limit of {room // _MB} MB of address space (ulimit -v)"
+        return f"{limit} is too low: {megabytes} MB are needed"
     return None
 
 

@@ -34,8 +34,8 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="ignore", validate_default=True)
 
     database_url: str = "sqlite:///polhode.db"
-    engine: Literal["local", "procrastinate"] = "local"
-    """Delivers jobs to workers: `local` polls the table on one machine, `procrastinate` uses Postgres."""
+    engine: Literal["local", "postgres"] = "local"
+    """How workers learn of jobs: `local` is for one machine, `postgres` announces jobs to several."""
     host_name: str | None = Field(default=None, min_length=1, max_length=255)
     """Name of this machine in the database; by default its host name and boot id."""
     host: str = "127.0.0.1"
@@ -105,18 +105,27 @@ class Settings(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _after_the_environment(cls, given: Mapping[str, object]) -> Mapping[str, object]:
+    def _after_the_environment(cls, options: Mapping[str, object]) -> Mapping[str, object]:
         # Not by pydantic-settings, which each process of a service would have to load at its start.
-        variables = ((name.lower(), value) for name, value in os.environ.items())
-        found = {name.removeprefix(_PREFIX): text for name, text in variables if name.startswith(_PREFIX)}
-        return {**found, **given}
+        environment = ((name.lower(), value) for name, value in os.environ.items())
+        chosen = {name.removeprefix(_PREFIX): text for name, text in environment if name.startswith(_PREFIX)}
+        return {**chosen, **options}
+
+    @field_validator("engine", mode="before")
+    @classmethod
+    def _by_its_present_name(cls, engine: object) -> object:
+        """Return the engine; `procrastinate` is a former name of `postgres`."""
+        return "postgres" if engine == "procrastinate" else engine
 
     @field_validator("engine")
     @classmethod
     def _require_its_database(cls, engine: str, info: ValidationInfo) -> str:
         url = str(info.data.get("database_url", ""))
-        if engine == "procrastinate" and not url.startswith("postgresql"):
-            raise ValueError("procrastinate needs Postgres, and POLHODE_DATABASE_URL is another database")
+        if engine == "postgres" and not url.startswith("postgresql"):
+            raise ValueError(
+                "the engine postgres needs Postgres, and POLHODE_DATABASE_URL is another database; accepted "
+                "are a URL that begins with postgresql+psycopg://, or the engine local"
+            )
         return engine
 
     @field_validator("cors_origins")
@@ -143,7 +152,7 @@ class SettingsError(ValueError):
     """Invalid settings; the message is one line that names each of them."""
 
 
-def read_settings(**given: object) -> Settings:
+def read_settings(**options: object) -> Settings:
     """Return the settings of this process; given values that are not None override the environment.
 
     Raises
@@ -152,7 +161,7 @@ def read_settings(**given: object) -> Settings:
         One of them is not accepted.
     """
     try:
-        chosen = {name: value for name, value in given.items() if value is not None}
+        chosen = {name: value for name, value in options.items() if value is not None}
         return Settings.model_validate({**Settings().model_dump(), **chosen})
     except ValidationError as fault:
         reasons = (

@@ -22,6 +22,13 @@ def test_the_environment_is_read_when_asked(monkeypatch):
     assert Settings().job_seconds == 13.0
 
 
+def test_the_engine_of_several_machines_needs_postgres_and_has_a_former_name(monkeypatch):
+    monkeypatch.setenv("POLHODE_ENGINE", "procrastinate")
+    assert Settings(database_url="postgresql+psycopg://host/name").engine == "postgres"
+    with pytest.raises(ValidationError, match=r"needs Postgres.* accepted are"):
+        Settings(database_url="sqlite:///polhode.db")
+
+
 @pytest.mark.parametrize(
     ("name", "value"), [("LEASE_SECONDS", "0"), ("WORKERS", "-1"), ("ENGINE", "magic"), ("PORT", "70000")]
 )

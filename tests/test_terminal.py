@@ -124,7 +124,7 @@ def no_computation(monkeypatch):
         raise AssertionError("it has computed")
 
     monkeypatch.setattr("workers.cli.documents._compute", compute)
-    monkeypatch.setattr("workers.cli.sweep.Crew", compute)
+    monkeypatch.setattr("workers.cli.sweep.LocalPool", compute)
 
 
 @pytest.mark.parametrize(("name", "reason"), OUTPUT_FAULTS)

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 
 SOLVERS = {"scipy", "sympy", "mpmath", "numba", "llvmlite", "heyoka"}
 ARRAYS = {"numpy", "flint", "pyarrow", "zstandard"}
-STORE = {"sqlalchemy", "alembic", "psycopg", "procrastinate"}
+STORE = {"sqlalchemy", "alembic", "psycopg"}
 WEB = {"fastapi", "starlette", "uvicorn"}
 REST = {"rich", "pebble", "matplotlib"}
 EVERYTHING = SOLVERS | ARRAYS | STORE | WEB | REST
@@ -82,9 +82,7 @@ def test_commands_that_need_the_settings_load_only_these(arguments, code, tmp_pa
     "arguments", [["migrate"], ["keys", "list"], ["prune", "--samples-older-than", "1d"]], ids=str
 )
 def test_commands_that_use_the_database_load_no_solver_and_no_web_framework(arguments, tmp_path):
-    assert_free(
-        loaded_by("service.cli.main", *arguments, folder=tmp_path), 0, SOLVERS | WEB | {"procrastinate"}
-    )
+    assert_free(loaded_by("service.cli.main", *arguments, folder=tmp_path), 0, SOLVERS | WEB)
 
 
 @pytest.mark.parametrize(("arguments", "code"), [([], 2), (["walk"], 2)], ids=str)
@@ -155,7 +153,7 @@ print(*asyncio.run(main()))
 def test_the_service_loads_no_solver_and_nothing_for_its_first_requests(tmp_path, sqlite_template):
     imported, later = run(SERVING, tmp_path, POLHODE_DATABASE_URL=copy_of(sqlite_template, tmp_path))
     packages = {name.partition(".")[0] for name in imported}
-    later_or_never = {"alembic", "matplotlib", "rich", "procrastinate", "workers", "pyarrow", "jinja2"}
+    later_or_never = {"alembic", "matplotlib", "rich", "workers", "pyarrow", "jinja2"}
     assert packages & (SOLVERS | later_or_never) == set()
     assert later == []
 

@@ -30,7 +30,7 @@ CALLED_FROM_OUTSIDE = {
 """What names do not lead to, or what begins so, and who calls it. All else that only tests refer to belongs
 into tests/support/witnesses."""
 
-RECORDS = tuple(f"workers.solvers.compiled.{name}" for name in ("records", "desk", "general.records"))
+RECORDS = tuple(f"workers.solvers.compiled.{name}" for name in ("records", "workspace", "general.records"))
 """What compiled code takes instead of our objects has the names of what it is a record of."""
 
 

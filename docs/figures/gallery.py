@@ -11,7 +11,7 @@ from motions import draw_motion, use_files
 
 from service.schemas.problem.problem import read_problem
 from workers.computation.compute import solve
-from workers.computation.outputs import InUnits, find_out
+from workers.computation.outputs import InUnits, compute_outputs
 from workers.solvers.units import Units
 
 TOP = Path(__file__).parents[2]
@@ -82,7 +82,7 @@ def _draw(name: str) -> str:
     if (period := solved.dense.period) is None:
         return said
     facts = f"Period {period.hi} ± {_upwards(abs(period.lo) + period.error)}. {said}"
-    if (stability := find_out(problem, solved, InUnits(units, posed, solved)).stability) is None:
+    if (stability := compute_outputs(problem, solved, InUnits(units, posed, solved)).stability) is None:
         return facts
     stands = "marginal" if stability.verdict == "marginal" else f"linearly {stability.verdict}"
     trace = f"{stability.trace:.6f} ± {_upwards(stability.error + 5e-7)}"

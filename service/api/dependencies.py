@@ -17,7 +17,7 @@ from fastapi import Depends, Request
 
 from service.api.events.watcher import EventWatcher
 from service.api.heavy_reads import HeavyReads
-from service.api.keys.idempotency import IdempotencyDesk
+from service.api.keys.idempotency import IdempotencyGuard
 from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
@@ -26,7 +26,7 @@ from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
 from service.jobs.kernels import Kernels
 from service.jobs.store import JobStore
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
@@ -103,12 +103,12 @@ class Resources:
     reading: ReadingThreads
     heavy: HeavyReads
     """Places for answers that compute or build much."""
-    doorbell: Doorbell
+    wake_up: WakeUpSocket
     events: EventWatcher
     metrics: Metrics
     keys: KeyRing
     limits: LimitGuard
-    idempotency: IdempotencyDesk
+    idempotency: IdempotencyGuard
     answers: Cache[str, bytes]
     """Bytes of answers that were written before, by their entity tags: one names exactly one content."""
     reads: CachedReads

@@ -16,8 +16,8 @@ from service.api.replies.errors import MEDIA_TYPE, ApiError
 from service.api.replies.responses import refusals
 from service.schemas.atlas.reading import AtlasIn
 from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
-from service.schemas.reading.documents import Fault
-from service.schemas.reading.marks_in import MarksPatchIn
+from service.schemas.reading.annotation_in import MarksPatchIn
+from service.schemas.reading.documents import Document, Fault
 from service.schemas.replies.job import ProblemDetailsOut
 from service.schemas.sweep.reading import SweepIn
 from service.versions import version_of
@@ -61,12 +61,12 @@ _REFUSAL = {
 
 def request_body(
     model: str,
-    examples: Mapping[str, object],
+    examples: Document,
     *,
     several: bool = False,
     required: bool = True,
     media_types: Sequence[str] = ("application/json",),
-) -> dict[str, object]:
+) -> dict[str, Any]:
     """Return the OpenAPI extension of an endpoint whose JSON body is ``model``, or ``several`` of them."""
     schema: dict[str, object] = {"$ref": _TEMPLATE.format(model=model)}
     if several:
@@ -179,7 +179,7 @@ REFUSALS: Mapping[int, ApiError] = {
 
 
 @cache
-def recorded() -> Mapping[str, Mapping[str, Mapping[str, Mapping[str, object]]]]:
+def recorded() -> Mapping[str, Mapping[str, Mapping[str, Document]]]:
     """Return the recorded answers."""
     found: dict[str, dict[str, dict[str, dict[str, object]]]] = json.loads(RECORDED.read_bytes())
     return found

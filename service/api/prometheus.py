@@ -58,7 +58,7 @@ class Metrics:
         if local_worker is not None:
             self._registry.register(WorkerCollector(local_worker))
         if kept is not None:
-            self._registry.register(KeptCollector(kept))
+            self._registry.register(CacheCollector(kept))
         ProcessCollector(registry=self._registry)
 
     def observe(self, method: str, route: str, status: int, seconds: float) -> None:
@@ -88,7 +88,7 @@ class WorkerCollector(Collector):
         yield GaugeMetricFamily("polhode_local_worker_pause_seconds", says, now.seconds_to_start or 0.0)
 
 
-class KeptCollector(Collector):
+class CacheCollector(Collector):
     """Counts how often verdicts and windows were cached already."""
 
     def __init__(self, kept: CachedExaminations) -> None:

@@ -54,7 +54,7 @@ async def queue(
     def put() -> tuple[Job, Response]:
         job = store(receipt_of(terms.given, lambda jobs: submitted(*jobs)))
         if not job.is_finished:
-            inside.doorbell.ring()
+            inside.wake_up.notify()
         return job, submitted(job)
 
     def waited(ended: Job) -> Response:
@@ -87,5 +87,5 @@ async def _finish(job: Job, inside: Resources, seconds: int) -> Job:
         return ended.is_finished
 
     if not job.is_finished:
-        await inside.doorbell.wait_for(job.id, is_finished=is_finished, timeout=seconds, is_new=True)
+        await inside.wake_up.wait_for(job.id, is_finished=is_finished, timeout=seconds, is_new=True)
     return ended

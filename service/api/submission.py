@@ -25,8 +25,8 @@ from service.schemas.problem.budgets import window_of
 from service.schemas.problem.documents import JobIn
 from service.schemas.problem.problem import check_problem
 from service.schemas.problem.rules import CheckedProblem
+from service.schemas.reading.annotation import split_annotation
 from service.schemas.reading.documents import Fault, InvalidProblemError, first_of
-from service.schemas.reading.marks import split_marks
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.verdicts.cache_rows import keys_of
@@ -53,10 +53,10 @@ def check(document: Any, settings: Settings) -> Submission:  # noqa: ANN401 (wha
     """Validate the document of one problem, which takes a while for a large one. Raises its refusal."""
     checked = check_problem(document, JobIn)
     check_problem_samples(checked.problem, settings)
-    stated, marks = split_marks(document)
+    stated, annotation = split_annotation(document)
     if not needs_verdict(checked):
-        return Submission(stated, checked, marks)
-    return Submission(stated, checked, marks, keys_of(checked.canonical), json.dumps(stated))
+        return Submission(stated, checked, annotation)
+    return Submission(stated, checked, annotation, keys_of(checked.canonical), json.dumps(stated))
 
 
 def check_each(documents: Sequence[object], settings: Settings) -> list[Submission | ApiError]:

@@ -26,10 +26,10 @@ from service.api.formats.packages import ZIP
 from service.api.replies.conditional import IMMUTABLE, REVALIDATE, matching_tag, tag_of_resource, validators
 from service.api.replies.errors import ApiError
 from service.jobs.records import AtlasNotFoundError, SolutionNotFoundError, SweepNotFoundError
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
 from service.storage.database.cached_reads import Read
 from service.storage.solutions.atlas_store import known_atlas
-from service.storage.solutions.standing import SolutionStanding, standing_and_marks, standing_of
+from service.storage.solutions.standing import SolutionStanding, standing_and_annotation, standing_of
 from service.storage.sweeps.sweep_store import SweepStanding, sweep_standing_of
 
 Standing = TypeVar("Standing")
@@ -74,7 +74,7 @@ def _solved(standing: SolutionStanding) -> tuple[object, ...]:
     return standing.id, standing.digest
 
 
-def _marked(found: tuple[SolutionStanding, Marks]) -> tuple[object, ...]:
+def _annotated(found: tuple[SolutionStanding, Annotation]) -> tuple[object, ...]:
     return (*_solved(found[0]), found[1])
 
 
@@ -96,7 +96,7 @@ def _till_the_end(standing: SweepStanding) -> str:
 
 _JSON = {"json": JSON}
 TAGGED: Mapping[str, Tagged[Any]] = {
-    "/v1/solutions/{solution_id}": Tagged(standing_and_marks, _marked, _for_now, _JSON),
+    "/v1/solutions/{solution_id}": Tagged(standing_and_annotation, _annotated, _for_now, _JSON),
     "/v1/solutions/{solution_id}/trajectory": Tagged(standing_of, _as_it_is, _for_ever, MEDIA_TYPES),
     "/v1/solutions/{solution_id}/function": Tagged(standing_of, _as_it_is, _for_ever, _JSON),
     "/v1/solutions/{solution_id}/enclosures": Tagged(standing_of, _as_it_is, _for_ever, _JSON),
@@ -158,9 +158,9 @@ def validator_headers(request: Request, inside: Resources, standing: object = No
     return {**validators(tag, tagged.cache_control(standing)), **tagged.varies}
 
 
-def solution_tag(request: Request, standing: SolutionStanding, marks: Marks) -> str:
-    """Return the tag of a solution's summary, in which nothing but its marks can change."""
-    return tag_of_resource(request, JSON, *_marked((standing, marks)))
+def solution_tag(request: Request, standing: SolutionStanding, annotation: Annotation) -> str:
+    """Return the tag of a solution's summary, in which nothing but its annotation can change."""
+    return tag_of_resource(request, JSON, *_annotated((standing, annotation)))
 
 
 def _id_in(request: Request) -> str:

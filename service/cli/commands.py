@@ -45,7 +45,7 @@ app = typer.Typer(
 _ID = "01a20942-d407-7053-8f52-16b05c137715"
 _EXAMPLES = {
     "serve": ("polhode serve --port 8000 --workers 4",),
-    "worker": ("POLHODE_ENGINE=procrastinate polhode worker --slots 8",),
+    "worker": ("POLHODE_ENGINE=postgres polhode worker --slots 8",),
     "migrate": ("polhode migrate",),
     "validate": ("polhode validate examples/first.json", "polhode validate - --json < problem.json"),
     "solve": ("polhode solve examples/first.json --csv samples.csv", "polhode solve problem.json --json"),
@@ -230,12 +230,12 @@ def families(
             return
         answer("".join(f"{key:<{_WIDTH}}{_line(row)}\n" for key, row in rows))
         return
-    found = [row for key, row in rows if key == name]
-    if not found:
+    matches = [row for key, row in rows if key == name]
+    if not matches:
         fail(
             f"there is no family and no case {name!r}; there are {', '.join(key for key, _ in rows)}", REFUSED
         )
-    answer(json.dumps(found[0]) + "\n" if as_json else "".join(f"{line}\n" for line in _all_of(found[0])))
+    answer(json.dumps(matches[0]) + "\n" if as_json else "".join(f"{line}\n" for line in _all_of(matches[0])))
 
 
 def _rows() -> Iterator[tuple[str, Mapping[str, object]]]:

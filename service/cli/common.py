@@ -33,12 +33,12 @@ class Command(TyperCommand):
         return (self.help or "").partition("\n")[0]
 
 
-def settings_of(**given: object) -> "Settings":
+def settings_of(**options: object) -> "Settings":
     """Return the settings; options of the command line override the environment."""
     from service.settings import SettingsError, read_settings  # noqa: PLC0415
 
     try:
-        return read_settings(**given)
+        return read_settings(**options)
     except SettingsError as fault:
         fail(str(fault), WRONG_USAGE)
 
@@ -48,7 +48,7 @@ def migrate_database(settings: "Settings") -> None:
     from service.storage.database.migration import MigrationError, migrate_or_explain  # noqa: PLC0415
 
     try:
-        migrate_or_explain(settings.database_url, engine_name=settings.engine)
+        migrate_or_explain(settings.database_url)
     except MigrationError as fault:
         fail(str(fault), REFUSED)
 

@@ -92,14 +92,14 @@ def create(
 def list_keys(as_json: AsJson = False, database_url: DatabaseUrl = None) -> None:
     """List all keys, also expired and revoked ones, oldest first."""
     with _store(settings_of(database_url=database_url)) as store:
-        found = store.all()
+        listing = store.all()
     if as_json:
-        answer(json.dumps([_document(key, found.now) for key in found.keys]) + "\n")
+        answer(json.dumps([_document(key, listing.now) for key in listing.keys]) + "\n")
         return
     rows: list[tuple[str, ...]] = [
         ("PREFIX", "ROLE", "STATE", "CREATED", "EXPIRES", "REVOKED", "LAST USED", "STORED", "NAME")
     ]
-    rows += [_row(key, found.now) for key in found.keys]
+    rows += [_row(key, listing.now) for key in listing.keys]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         line = "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
@@ -123,8 +123,8 @@ def revoke(
 def require_key(settings: "Settings") -> None:
     """Exit unless there is a live key: without one the service may answer this machine only."""
     with _store(settings) as store:
-        found = store.all()
-    if not any(key.standing(found.now) is KeyStanding.LIVE for key in found.keys):
+        listing = store.all()
+    if not any(key.standing(listing.now) is KeyStanding.LIVE for key in listing.keys):
         fail(
             f"host {settings.host}: other machines could reach the service, and there is no API key that "
             "permits it; `polhode keys create --role ROLE` makes one. Without keys 127.0.0.1, ::1 and "

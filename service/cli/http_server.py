@@ -9,7 +9,7 @@ import uvicorn
 from service.app import create_app
 from service.cli.common import REFUSED
 from service.connections.server import guarded
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.local.workers import LocalWorkers
 from service.logs import announce
 from service.settings import Settings
@@ -24,7 +24,7 @@ _SWITCH_SECONDS = 0.001
 def serve_http(
     settings: Settings,
     listener: socket.socket,
-    doorbell: Doorbell,
+    wake_up: WakeUpSocket,
     workers: LocalWorkers | None,
     verdicts: VerdictChildren,
 ) -> None:
@@ -40,15 +40,17 @@ def serve_http(
             if workers is not None:
                 workers.expect_end()
             # Workers finish and stop; clients that wait for a job get its present state.
-            doorbell.close()
+            wake_up.close()
             await super().shutdown(sockets)
 
     # From here on the end needs a clean-up.
     with StopAsked() as stop:
-        doorbell.when_warm(lambda: announce("the workers are warm"))
+        wake_up.when_warm(lambda: announce("the workers are warm"))
         try:
             standing = None if workers is None else workers.standing
-            app = create_app(settings, doorbell=doorbell, sandbox=verdicts.ready(), local_worker=standing)
+            app = create_app(
+                settings, wake_up_socket=wake_up, sandbox=verdicts.ready(), local_worker=standing
+            )
             config, listener = guarded(app, settings, listener)
             server = _Server(config)
             host, port = listener.getsockname()[:2]
@@ -57,7 +59,7 @@ def serve_http(
             )
             keep_what_is_loaded()
             # Not earlier: what workers say comes after that line.
-            doorbell.tell_database_is_ready()
+            wake_up.tell_database_is_ready()
             # Threads that write text take the interpreter from the event loop: this is how long it waits for
             # each of them.
             sys.setswitchinterval(_SWITCH_SECONDS)
@@ -70,4 +72,4 @@ def serve_http(
                 # Not earlier: of two signals the first one stops the server.
                 workers.stop(urged=stop.urge)
             verdicts.close()
-            doorbell.close()
+            wake_up.close()

@@ -4,7 +4,7 @@ import socket
 
 from service.cli.common import REFUSED, fail, migrate_database
 from service.cli.database import require_key
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.local.workers import LocalWorkers
 from service.logs import start_logging
 from service.sandbox import lack_of_room
@@ -31,8 +31,8 @@ def run_service(settings: Settings) -> None:
     if not settings.is_loopback:
         require_key(settings)
     with _listen(settings.host, settings.port) as listener:
-        doorbell = Doorbell(is_database_ready=False)
-        workers = LocalWorkers(settings, doorbell) if settings.workers else None
+        wake_up = WakeUpSocket(is_database_ready=False)
+        workers = LocalWorkers(settings, wake_up) if settings.workers else None
         verdicts = VerdictChildren(settings)
         try:
             migrate_database(settings)
@@ -42,9 +42,9 @@ def run_service(settings: Settings) -> None:
             if workers is not None:
                 workers.forgo()
             verdicts.close()
-            doorbell.close()
+            wake_up.close()
             raise
-        serve_http(settings, listener, doorbell, workers, verdicts)
+        serve_http(settings, listener, wake_up, workers, verdicts)
 
 
 def _listen(host: str, port: int) -> socket.socket:

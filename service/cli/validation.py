@@ -45,8 +45,8 @@ def validate_file(file: Path, *, as_json: bool, formulas: str | None) -> None:
     text = json.dumps({"error": refusal}) if refusal is not None else _examined(document, formats)
     judged = Answer.model_validate_json(text)
     if as_json:
-        found = json.loads(text)
-        answer(json.dumps(found.get("error") or _without_choice(found["verdict"], document)) + "\n")
+        result = json.loads(text)
+        answer(json.dumps(result.get("error") or _without_choice(result["verdict"], document)) + "\n")
     if judged.error is not None:
         fail(judged.error.reason(), REFUSED)
     if judged.verdict is None:
@@ -66,8 +66,8 @@ def _without_choice(verdict: object, document: object) -> object:
     return verdict
 
 
-def _formats(asked: str | None) -> list[Format]:
-    names = [] if asked is None else asked.split(",")
+def _formats(request: str | None) -> list[Format]:
+    names = [] if request is None else request.split(",")
     unknown = [name for name in names if name not in FORMATS]
     if unknown:
         fail(f"--formulas: {unknown[0]!r} is not accepted; accepted are {', '.join(FORMATS)}", WRONG_USAGE)
@@ -80,22 +80,22 @@ def _examined(document: object, formats: Sequence[Format]) -> str:
     with examining(settings, examine_question.__module__) as sandbox:
         if not formats:
             return sandbox.run(examine_question, json.dumps(document), seconds=settings.verdict_seconds)
-        asked = json.dumps({"document": document, "formats": formats})
-        text = sandbox.run(examine_question_with_formulas, asked, seconds=settings.verdict_seconds)
+        request = json.dumps({"document": document, "formats": formats})
+        text = sandbox.run(examine_question_with_formulas, request, seconds=settings.verdict_seconds)
         return _simplified(sandbox, text, settings.formula_seconds)
 
 
 def _simplified(sandbox: Sandbox, text: str, seconds: float) -> str:
     """Return the answer with its formulas simplified, as far as there is time."""
-    found = json.loads(text)
-    if found.get("verdict") is None:
+    result = json.loads(text)
+    if result.get("verdict") is None:
         return text
     answers: list[str] = []
     deadline = time.monotonic() + seconds
-    for work in found["verdict"]["works"]:
+    for work in result["verdict"]["works"]:
         rest = deadline - time.monotonic()
         if rest <= 0:
             break
         with suppress(SandboxTimeoutError, SandboxMemoryError, SandboxCrashError):
             answers.append(sandbox.run(simplify_formula, work, seconds=rest, crashes=0))
-    return json.dumps({**found, "verdict": with_simplified(found["verdict"], answers)})
+    return json.dumps({**result, "verdict": with_simplified(result["verdict"], answers)})

@@ -81,9 +81,9 @@ class Page:
 PAGES = {
     "/": Page("Overview", "overview", ("arrays", "sphere", "follow")),
     "/workbench": Page("Workbench", "workbench", ("fields", "sphere", "verdict")),
-    "/solutions": Page("Solutions", "lists", ("query", "marks", "follow")),
-    "/jobs": Page("Jobs", "lists", ("query", "marks", "follow")),
-    "/sweeps": Page("Sweeps", "lists", ("query", "marks", "follow")),
+    "/solutions": Page("Solutions", "lists", ("query", "labels", "follow")),
+    "/jobs": Page("Jobs", "lists", ("query", "labels", "follow")),
+    "/sweeps": Page("Sweeps", "lists", ("query", "labels", "follow")),
     "/families": Page("Families", "families", ("sphere", "starting", "follow")),
     "/accuracy": Page("Accuracy", "accuracy", ("chart",)),
     "/solution": Page("Solution", "solution", ("arrays", "sphere", "chart", "series", "body"), "/solutions"),

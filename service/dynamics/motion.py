@@ -78,7 +78,7 @@ class Motion:
     times: FloatArray
     """The requested times, each rounded to the nearest double, shape (n,)."""
     samples: FloatArray
-    """The six variables p, q, r, g1, g2, g3 at the exact times, ``times`` + ``rests``, shape (n, 6)."""
+    """The six variables p, q, r, g1, g2, g3 at the exact times, ``times`` + ``low_parts``, shape (n, 6)."""
     error: float
     """Largest absolute error of any of the six variables over ``times``."""
     energy: Estimate
@@ -93,7 +93,7 @@ class Motion:
     """Choices made where the equations leave one, such as the way through a pole."""
     evidence: Mapping[str, float | int | str]
     """Measurements by the solver: nodes, steps, changes at the last refinement."""
-    rests: FloatArray | None = None
+    low_parts: FloatArray | None = None
     """Exact times minus ``times``, shape (n,); None if zero."""
     first_passage: float | None = None
     """The least |t| at which a pole is passed by one of the ``conventions``; None if none is passed so."""

@@ -33,11 +33,11 @@ class PeriodNeededError(DynamicsError):
 
 @dataclass(frozen=True, slots=True)
 class SampleTimes:
-    """Times as sums ``doubles`` + ``rests``, shape (n,) each."""
+    """Times as sums ``doubles`` + ``low_parts``, shape (n,) each."""
 
     doubles: FloatArray
     """Each the double nearest to the exact time: what is shown."""
-    rests: FloatArray
+    low_parts: FloatArray
     """Exact times minus these, rounded to doubles; 0 where a time is a double."""
 
 
@@ -85,7 +85,7 @@ def _few_turns(times: TimePeriods) -> _Turns:
     found = _in_doubles(times)
     high, low = split_double(found.doubles)
     # Every caller has the same arrays.
-    for each in (found.doubles, found.rests, high, low):
+    for each in (found.doubles, found.low_parts, high, low):
         each.flags.writeable = False
     return found, high, low
 
@@ -95,7 +95,7 @@ def _multiples(
 ) -> SampleTimes:
     """Return so many times the periods hi + lo."""
     product = turns.doubles * hi
-    rest = rest_of_product(product, high, low, hi) + (turns.doubles * lo + turns.rests * hi)
+    rest = rest_of_product(product, high, low, hi) + (turns.doubles * lo + turns.low_parts * hi)
     # The product is the larger part: the difference is exact (Dekker's sum).
     doubles = product + rest
     return SampleTimes(doubles, rest - (doubles - product))
@@ -136,11 +136,11 @@ def _in_doubles(times: Times) -> SampleTimes:
 
 def _split(ratios: Iterable[tuple[int, int]]) -> SampleTimes:
     """Return quotients of integers, of any size, as sums of two doubles."""
-    doubles, rests = list[float](), list[float]()
+    doubles, low_parts = list[float](), list[float]()
     for numerator, denominator in ratios:
         # Python divides integers with one rounding.
         double = numerator / denominator
         above, below = double.as_integer_ratio()
         doubles.append(double)
-        rests.append((numerator * below - above * denominator) / (denominator * below))
-    return SampleTimes(np.array(doubles), np.array(rests))
+        low_parts.append((numerator * below - above * denominator) / (denominator * below))
+    return SampleTimes(np.array(doubles), np.array(low_parts))

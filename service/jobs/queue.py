@@ -59,7 +59,7 @@ class LaneShares:
         self._balance = {lane: left * _debt(lane, CHUNK_SECONDS) for lane in SHARES}
         self._running: Counter[Lane] = Counter()
 
-    def owed(self) -> tuple[Lane, ...]:
+    def starved(self) -> tuple[Lane, ...]:
         """Return the lanes that are owed a job, the largest balance first."""
         # A running job counts as one chunk's length, so that two slots do not pay the same debt twice.
         due = {
@@ -71,10 +71,10 @@ class LaneShares:
         """Record that a job of the lane has begun."""
         self._running[lane] += 1
 
-    def end(self, lane: Lane, seconds: float, *, was_owed: bool) -> None:
+    def end(self, lane: Lane, seconds: float, *, was_starved: bool) -> None:
         """Record that a job of the lane has ended, after ``seconds`` of one slot.
 
-        ``was_owed``: it was taken out of order because the lane was owed a job.
+        ``was_starved``: it was taken out of order because the lane was owed a job.
         """
         self._running[lane] -= 1
         for behind, share in SHARES.items():
@@ -82,7 +82,7 @@ class LaneShares:
                 self._balance[behind] += share * seconds
         if lane in SHARES:
             debt, before = _debt(lane, seconds), self._balance[lane]
-            least = -float("inf") if was_owed else min(before, debt, _debt(lane, CHUNK_SECONDS))
+            least = -float("inf") if was_starved else min(before, debt, _debt(lane, CHUNK_SECONDS))
             self._balance[lane] = max(before + debt, least)
 
     def forget(self, lane: Lane) -> None:

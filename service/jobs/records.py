@@ -7,8 +7,8 @@ from enum import StrEnum
 
 from service.jobs.queue import Lane
 from service.schemas.query.conditions import Value
+from service.schemas.reading.annotation import UNANNOTATED, Annotation
 from service.schemas.reading.documents import Document
-from service.schemas.reading.marks import UNMARKED, Marks
 from service.schemas.replies.summary import SolutionSummary
 
 
@@ -193,7 +193,7 @@ class Job:
     finished_at: datetime | None
     key_id: str | None
     """Id of the key that submitted it; None if there were no keys."""
-    marks: Marks = UNMARKED
+    annotation: Annotation = UNANNOTATED
     kind: JobKind = JobKind.SOLVE
 
     @property
@@ -309,7 +309,7 @@ class SweepProgress:
     finished_at: datetime | None
     way: str | None
     """The way to compute all its points, ``compiled`` or ``plain``; None until its first chunk is claimed."""
-    marks: Marks
+    annotation: Annotation
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,4 @@
-"""The protocols of the job store and of dispatchers, and receipts of requests that a client may send twice.
-
-The store is the source of truth; a dispatcher only says which of its jobs to look at next. It delivers and
-takes jobs within the caller's transaction: both take effect with the commit, or not at all.
+"""The protocol of the job store, and receipts of requests that a client may send twice.
 
 Every write of a worker checks its claim (job, worker, attempt): it returns False and changes nothing if the
 claim was lost, by an expired lease or a cancellation.
@@ -16,7 +13,7 @@ from service.jobs.kernels import Way
 from service.jobs.queue import Lane
 from service.jobs.records import Attempt, Claim, ClaimedJobs, Job, JobPage, Outcome, SolveOutcome
 from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.marks import UNMARKED, Marks
+from service.schemas.reading.annotation import UNANNOTATED, Annotation
 from service.verdicts.cache_rows import CacheRow, Examination
 
 KEPT_SECONDS = 86400.0
@@ -65,47 +62,6 @@ def fingerprint(*parts: bytes) -> str:
     return digest.hexdigest()
 
 
-Transaction = TypeVar("Transaction", contravariant=True)
-
-
-@dataclass(frozen=True, slots=True)
-class Delivery:
-    """A job that may be claimed."""
-
-    job_id: str
-    attempt: int
-    """Number of times it was claimed before; each attempt has its own delivery."""
-    priority: int
-    ready_at: float
-    """Not claimed before, in seconds since 1970 by the database's clock."""
-
-
-class Dispatcher(Protocol[Transaction]):
-    """Delivers ids of jobs to workers in order, within the transaction that makes them claimable.
-
-    The order is: first one job of each lane that is owed one; then by larger
-    priority, earlier lane, smaller turn, older job of a key.
-    """
-
-    def dispatch(self, transaction: Transaction, deliveries: Sequence[Delivery]) -> None:
-        """Deliver jobs that this transaction has queued."""
-        ...
-
-    def take(
-        self, transaction: Transaction, count: int, owed: Sequence[Lane] = (), together: int = 1
-    ) -> Sequence[str] | None:
-        """Return the ids of at most ``count`` jobs, to be claimed in this transaction, in that order.
-
-        Where these are problems, ``together`` of them may take the place of one: the next ones of the same
-        priority (and of the same lane, if that is owed one). None if there are none.
-        """
-        ...
-
-    def repair(self, transaction: Transaction) -> int:
-        """Deliver again the due jobs whose delivery was lost; return their number."""
-        ...
-
-
 class JobStore(Protocol):
     """Jobs and their results. Instants and leases are by the database's clock."""
 
@@ -119,7 +75,7 @@ class JobStore(Protocol):
         examination: Examination | None = None,
         found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
-        marks: Marks = UNMARKED,
+        annotation: Annotation = UNANNOTATED,
     ) -> Job:
         """Store a job for a canonical problem document, on the account of a key.
 
@@ -141,12 +97,12 @@ class JobStore(Protocol):
         examinations: Sequence[Examination | None] = (),
         found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
-        marks: Sequence[Marks] = (),
+        annotations: Sequence[Annotation] = (),
     ) -> tuple[Job, ...]:
         """Do the same for several problems with their digests: all of them are stored, or none.
 
         They wait in ``lane``. ``examinations`` has one, or None, for each of them, or is empty; so has
-        ``marks`` their labels and notes.
+        ``annotations`` their labels and notes.
         """
         ...
 
@@ -166,7 +122,7 @@ class JobStore(Protocol):
         """Return the history of a job, oldest first."""
         ...
 
-    def mark(self, job_id: str, change: Callable[[Job], Marks]) -> Job:
+    def annotate(self, job_id: str, change: Callable[[Job], Annotation]) -> Job:
         """Give a job the labels and the note that ``change`` makes of its present state.
 
         Nothing is changed if it raises. Raises :class:`~service.jobs.records.JobNotFoundError`.
@@ -187,10 +143,10 @@ class JobStore(Protocol):
         count: int,
         *,
         lease_seconds: float,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
     ) -> ClaimedJobs:
-        """Take up to ``count`` queued jobs, in the order of :class:`~service.jobs.store.Dispatcher`.
+        """Take up to ``count`` queued jobs, in the order of the queue.
 
         In place of one problem there may be up to ``together``. No two workers get the same job.
         """
@@ -211,7 +167,7 @@ class JobStore(Protocol):
         *,
         then_take: int = 0,
         lease_seconds: float = 0.0,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
     ) -> tuple[bool, ClaimedJobs]:
         """Store the result of a job, mark it finished and take ``count`` others, in one transaction.
@@ -227,7 +183,7 @@ class JobStore(Protocol):
         *,
         then_take: int = 0,
         lease_seconds: float = 0.0,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
     ) -> tuple[frozenset[str], ClaimedJobs]:
         """Do the same for several problems of one worker, in one transaction.
@@ -269,10 +225,6 @@ class JobStore(Protocol):
 
     def give_back_all(self, claims: Sequence[Claim], why: str) -> None:
         """Queue several jobs again in one transaction, those whose claims still hold."""
-        ...
-
-    def repair(self) -> int:
-        """Deliver again the due jobs whose delivery was lost; return their number."""
         ...
 
     def reconcile(self, *, max_attempts: int, retry_seconds: float) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ _REMEMBERED = 1000
 """Jobs that were reported last: one may have finished before its client began to wait."""
 
 
-class Doorbell:
+class WakeUpSocket:
     """The API's side: wakes workers, and waits for their jobs. Thread-safe.
 
     Parameters
@@ -35,7 +35,7 @@ class Doorbell:
     def __init__(self, *, is_database_ready: bool = True) -> None:
         # Reentrant: a signal handler may call close() while its thread holds the lock.
         self._lock = threading.RLock()
-        self._lines: list[socket.socket] = []
+        self._sockets: list[socket.socket] = []
         self._waiting: dict[str, set[_Waiter]] = {}
         self._reported: OrderedDict[str, None] = OrderedDict()
         self._closed = False
@@ -55,9 +55,9 @@ class Doorbell:
     def tell_database_is_ready(self) -> None:
         """Tell all workers, and each that is started later, that they may use the database."""
         self._is_database_ready = True
-        self.ring()
+        self.notify()
 
-    def new_line(self, heard: Callable[[], None] = lambda: None) -> socket.socket:
+    def new_socket(self, heard: Callable[[], None] = lambda: None) -> socket.socket:
         """Return the worker's end of a new pair of sockets.
 
         Pass its file descriptor to the worker process, then close it here, so that
@@ -66,20 +66,20 @@ class Doorbell:
         """
         ours, theirs = socket.socketpair()
         with self._lock:
-            self._lines.append(ours)
+            self._sockets.append(ours)
             if self._is_database_ready:
                 ours.send(b".")
-        threading.Thread(target=self._listen, args=(ours, heard), name="doorbell", daemon=True).start()
+        threading.Thread(target=self._listen, args=(ours, heard), name="wake-up", daemon=True).start()
         return theirs
 
-    def ring(self) -> None:
+    def notify(self) -> None:
         """Wake every worker: there is a new job, or one was cancelled."""
         with self._lock:
-            for line in self._lines:
+            for line in self._sockets:
                 # A full buffer is wake-up enough; the thread that reads from a dead worker ends by itself.
                 with contextlib.suppress(OSError):
                     line.send(b".", socket.MSG_DONTWAIT)
-        self._notify()
+        self._report_news()
 
     async def wait_for(
         self,
@@ -117,9 +117,9 @@ class Doorbell:
                 self._reported.popitem(last=False)
             for waiter in self._waiting.get(job_id, ()):
                 waiter.tell()
-        self._notify()
+        self._report_news()
 
-    def _notify(self) -> None:
+    def _report_news(self) -> None:
         if self._tell_news is not None:
             self._tell_news()
 
@@ -132,9 +132,9 @@ class Doorbell:
             for waiters in self._waiting.values():
                 for waiter in waiters:
                     waiter.tell()
-            for line in self._lines:
+            for each in self._sockets:
                 with contextlib.suppress(OSError):
-                    line.shutdown(socket.SHUT_RDWR)
+                    each.shutdown(socket.SHUT_RDWR)
 
     @contextlib.contextmanager
     def _registered(self, job_id: str) -> Iterator[asyncio.Event]:
@@ -153,8 +153,8 @@ class Doorbell:
                 if not waiters:
                     del self._waiting[job_id]
 
-    def _listen(self, line: socket.socket, heard: Callable[[], None]) -> None:
-        with line, line.makefile("r", encoding="ascii") as reader:
+    def _listen(self, ours: socket.socket, heard: Callable[[], None]) -> None:
+        with ours, ours.makefile("r", encoding="ascii") as reader:
             with contextlib.suppress(OSError):
                 for word in map(str.strip, reader):
                     heard()
@@ -163,7 +163,7 @@ class Doorbell:
                     elif self._tell_warm is not None:
                         self._tell_warm()
             with self._lock:
-                self._lines.remove(line)
+                self._sockets.remove(ours)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +180,7 @@ class _Waiter:
             self.loop.call_soon_threadsafe(self.woken.set)
 
 
-class WorkerLine:
+class WorkerSocket:
     """The worker's side of a pair of sockets, from the file descriptor it was started with."""
 
     def __init__(self, descriptor: int) -> None:

@@ -28,8 +28,8 @@ class OtherHostError(Exception):
     def __init__(self, host: str, other: str, silent_seconds: float) -> None:
         super().__init__(
             f"{other} works on this database (seen {silent_seconds:.0f} s ago) and this is {host}: the local "
-            "engine serves one machine. Stop the workers there, or let Postgres deliver the jobs: "
-            "POLHODE_ENGINE=procrastinate, for the service and on every machine"
+            "engine serves one machine. Stop the workers there, or let Postgres announce the jobs: "
+            "POLHODE_ENGINE=postgres, for the service and on every machine"
         )
 
 

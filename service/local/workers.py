@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.local.worker_process import worker_command, worker_environment
 from service.settings import Settings
 
@@ -85,9 +85,9 @@ class LocalWorkers:
         The system cannot start the first process.
     """
 
-    def __init__(self, settings: Settings, doorbell: Doorbell) -> None:
+    def __init__(self, settings: Settings, wake_up: WakeUpSocket) -> None:
         self._settings = settings
-        self._doorbell = doorbell
+        self._wake_up = wake_up
         self._stopping = threading.Event()
         self._restarts = Restarts()
         self._last_code: int | None = None
@@ -125,7 +125,7 @@ class LocalWorkers:
     def forgo(self) -> None:
         """Let a worker end that was not told yet that it may use the database, without a word of its own."""
         self._stopping.set()
-        self._doorbell.close()
+        self._wake_up.close()
         self._keeper.join(self._settings.grace_seconds + 5.0)
         if self._keeper.is_alive():
             self._process.kill()
@@ -133,7 +133,7 @@ class LocalWorkers:
 
     def _start(self) -> "subprocess.Popen[bytes]":
         self._has_worked = threading.Event()
-        line = self._doorbell.new_line(self._has_worked.set)
+        line = self._wake_up.new_socket(self._has_worked.set)
         with line:
             return subprocess.Popen(
                 worker_command("run", slots=self._settings.workers, wake_fd=line.fileno()),

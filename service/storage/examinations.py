@@ -1,11 +1,12 @@
 """The store of verdicts and windows that were found before; one method is one transaction."""
 
 import logging
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from sqlalchemy import Connection, bindparam, delete, func, or_, select
 from sqlalchemy.dialects import postgresql, sqlite
 
+from service.schemas.reading.documents import Document
 from service.storage.database.database import Database, is_postgres
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.operations import ExaminationRow
@@ -88,7 +89,7 @@ def _missing(connection: Connection, entries: Iterable[CacheRow]) -> list[CacheR
     return list(wanted.values())
 
 
-def _row(entry: CacheRow) -> Mapping[str, object]:
+def _row(entry: CacheRow) -> Document:
     content = entry.content.encode()
     return {
         "key": entry.key,

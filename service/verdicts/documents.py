@@ -279,6 +279,8 @@ PLACES = 257
 NEXT_TO_POLE = 1e-9
 INSIDE = 1e-6
 """Distance in g2 from an end of the motion at which a place is inside of it."""
+UNUSUAL = frozenset({"pole_passage", "near_rest", "narrow_feature", "infinite_slope"})
+"""Codes of remarks on motions that the accuracy table has none like: its times and errors are not theirs."""
 
 
 def remarks_on(problem: Problem, window: Window) -> tuple[Notice, ...]:

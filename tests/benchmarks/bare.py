@@ -1,15 +1,12 @@
-"""Bare engines with an empty job, each in a process of its own: ``python -m tests.benchmarks.bare``.
+"""Writes what jobs leave in our tables and nothing else: ``python -m tests.benchmarks.bare URL NUMBER``.
 
-``procrastinate URL NUMBER PLACES`` runs Procrastinate's own worker; ``tables URL NUMBER`` writes what a
-job leaves in our tables and nothing else. Both print the seconds it took.
+It prints the seconds that so many empty jobs took.
 """
 
-import asyncio
 import sys
 import time
 
-from procrastinate import App, PsycopgConnector
-from sqlalchemy import make_url, text
+from sqlalchemy import text
 
 from service.storage.database.database import Database
 from service.storage.database.rows import new_id
@@ -22,34 +19,6 @@ def analyze(database: Database) -> None:
             connection.execute(text("ANALYZE"))
 
 
-async def _procrastinate(url: str, number: int, places: int) -> float:
-    """Return how long Procrastinate's worker takes for so many empty jobs that wait already."""
-    address = make_url(url)
-    connector = PsycopgConnector(
-        kwargs={"host": address.query["host"], "user": address.username, "dbname": address.database}
-    )
-    app = App(connector=connector)
-
-    @app.task(name="nothing", queue="bare")
-    async def nothing(number: int) -> None:
-        """Compute nothing."""
-
-    async with app.open_async():
-        await nothing.batch_defer_async(*({"number": k} for k in range(number)))
-        database = Database(url)
-        analyze(database)
-        database.close()
-        began = time.perf_counter()
-        await app.run_worker_async(
-            queues=["bare"],
-            wait=False,
-            concurrency=places,
-            delete_jobs="always",
-            install_signal_handlers=False,
-        )
-        return time.perf_counter() - began
-
-
 def _tables(url: str, number: int) -> float:
     """Return how long it takes to take so many rows of a queue and to finish them, by plain statements."""
     database = Database(url)
@@ -60,7 +29,7 @@ def _tables(url: str, number: int) -> float:
             text(
                 "INSERT INTO jobs "
                 "(id, state, priority, ready_at, attempt, progress, reused, problem, digest, created_at) "
-                "VALUES (:id, 'queued', 0, 0, 0, 0, 0, '{}', :id, 0)"
+                "VALUES (:id, 'queued', 0, 0, 0, 0, false, '{}', :id, 0)"
             ),
             rows,
         )
@@ -88,13 +57,9 @@ def _tables(url: str, number: int) -> float:
 
 
 def main() -> None:
-    """Run one of them."""
-    engine, url, number, *places = sys.argv[1:]
-    if engine == "procrastinate":
-        seconds = asyncio.run(_procrastinate(url, int(number), int(places[0])))
-    else:
-        seconds = _tables(url, int(number))
-    sys.stdout.write(f"{seconds}\n")
+    """Measure it."""
+    url, number = sys.argv[1:]
+    sys.stdout.write(f"{_tables(url, int(number))}\n")
 
 
 if __name__ == "__main__":

@@ -18,10 +18,10 @@ contain every value of a function on the interval. It holds unless the program, 
 * **Windows.** How many there are, of what kind, and where they end: every cell of the loop has p² of one
   certain sign, or a slope of p² of one certain sign, or is about a zero that is treated by name. What
   cannot be settled is refused (`signs_unsettled`). A double zero is proved to be one (`separatrix`), or
-  its gap is told; else it is refused (`separatrix_undecided`). Seen only, on a stretch of at most 1e-5 of
+  its gap is reported; else it is refused (`separatrix_undecided`). Seen only, on a stretch of at most 1e-5 of
   its distance to the pole: that a zero of order 3 and more of which
-  exact algebra does not tell the place, or of no order, has no others beside it. What
-  p² does at a pole itself is told from its power next to it.
+  exact algebra does not find, or of no order, has no others beside it. What
+  p² does at a pole itself follows from its power next to it.
 * **The time map of the compiled solvers** of a formula with functions, quotients or high powers: what the
   series leave out is bounded by one disc about each panel. Not that of a sum of low powers, see below.
 * **The time map and the period of the quadrature in balls**, where the potential has a formula: what the
@@ -35,9 +35,9 @@ contain every value of a function on the interval. It holds unless the program, 
 MEASURED = """## What is measured
 
 * **The function of time** in the tiers `draft`, `standard` and `high`, hence `error` and the samples. It is
-  compared with the time map between its nodes, and held against the equations and the integrals of motion
+  compared with the time map between its nodes, and checked against the equations and the integrals of motion
   on whole pieces (`defect` in the evidence; `defect_covers` is the share of the time for which that bound
-  is a theorem). A claim that these contradict is raised. That is no proof: a defect does not tell how
+  is a theorem). A claim that these contradict is raised. That is no proof: a defect does not show how
   far errors grow.
 * **Roundings in the compiled solvers** (`draft`, `standard`, `high`) are bounded operation by operation; that
   none was forgotten is not proved.
@@ -46,9 +46,9 @@ MEASURED = """## What is measured
   panel where it is largest if what follows the series is smooth. No feature of such a V is narrower than
   the sphere over its degree. The bounds that prove it would cost several times the solver.
 * **The kernel of `high` for such sums** (any A/C, without exact roots): what harmonics of the rate leave out
-  of the period is told from how the last ones fall, with half the decades that they fall counted; each panel
-  is held against the formula, with twice the digits, at one place, and four times the largest departure
-  counts.
+  of the period is estimated from how the last ones fall, with half the decades that they fall counted; each
+  panel is compared with the formula, with twice the digits, at one point, and four times the largest
+  departure counts.
 * **How fast variables change**, by which times that are off make samples be off: differences of neighbouring
   places, eight to a panel, and a quarter more. Each panel has its own.
 * **Potentials given by an integral**, which no complex ball can enter: windows are those of a scan, and
@@ -56,7 +56,7 @@ MEASURED = """## What is measured
   the decay of its terms and by what is seen between its nodes.
 * **The method `integration`**, and with it cross-checks and motions from any state: the error is the
   difference of runs (of four in compiled code, else of two), and what errors of every step grow to until
-  any later time (`grown_errors` in the evidence), held against the equations. Growth is that of the
+  any later time (`grown_errors` in the evidence), checked against the equations. Growth is that of the
   equations of variation along the motion; what a step loses is modelled, as a rounding of all that is added
   up in it and what its series leave out. Both parts are estimates, to first order.
 

@@ -38,7 +38,7 @@ def lists(effort: Effort) -> Table:
         wait_until_warm(running)
         for turn in range(rounds):
             # In turns, so that whatever else the machine does hits all of them alike.
-            seconds = bare_seconds("tables", sqlite_url(Path(folder), f"bare-{turn}"), number, PLACES)
+            seconds = bare_seconds(sqlite_url(Path(folder), f"bare-{turn}"), number)
             bare.append(number / seconds)
             for place, (name, tier, first, _) in enumerate(LISTS):
                 base = PROBLEM if name.startswith("gravity") else GENERAL

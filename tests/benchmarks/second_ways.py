@@ -22,6 +22,7 @@ from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, Problem, TimeSpan
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
+from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError
 from service.jobs.records import Solved
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.verdicts.examination import examine_problems
@@ -115,9 +116,11 @@ def examined(name: str, documents: Sequence[object]) -> Request:
     return Request(f"list of {len(documents)}, {name}", run)
 
 
-def swept(name: str, count: int, base: Mapping[str, object], *axes: Mapping[str, object]) -> Request:
+def swept(
+    name: str, count: int, base: Mapping[str, object], axis: Mapping[str, object], keep: Sequence[str] = ()
+) -> Request:
     """Return a sweep of so many points, as one chunk."""
-    sweep = {"base": base, "axes": axes, "keep": ["period", "error"]}
+    sweep = {"base": base, "axes": [axis], "keep": ["period", "error", *keep]}
     document = json.dumps({"sweep": sweep, "first": 0, "count": count, "way": "compiled"})
 
     def run() -> str:
@@ -131,6 +134,19 @@ def nothing(*_: object) -> None:
     """Stand in for a shortcut that finds nothing."""
 
 
+def not_a_power_sum(*_: object) -> None:
+    raise NotAPowerSumError
+
+
+@contextmanager
+def without_power_sums() -> Iterator[None]:
+    with (
+        patch("workers.sweeping.plan.judge_power_sum", not_a_power_sum),
+        patch("workers.sweeping.varying_body.block.judge_power_sum", not_a_power_sum),
+    ):
+        yield
+
+
 @contextmanager
 def without_roots() -> Iterator[None]:
     with (
@@ -140,11 +156,33 @@ def without_roots() -> Iterator[None]:
         yield
 
 
+def unknown(of_each: object, samples: np.ndarray, *shape: int) -> np.ndarray:
+    """Stand in for numbers of samples that are not known."""
+    return np.full((len(samples), *shape), np.nan)
+
+
+@contextmanager
+def without_twice_the_digits() -> Iterator[None]:
+    compiled, kept = "workers.solvers.compiled.integrals.of_many", "workers.sweeping.planar.outputs"
+
+    def further(integrals: object, samples: np.ndarray) -> np.ndarray:
+        return unknown(integrals, samples, 2)
+
+    with (
+        patch(f"{compiled}.energies_at", unknown),
+        patch(f"{compiled}.further_drifts_of_many", further),
+        patch(f"{kept}.drifts_of_many", lambda *given: unknown(None, given[5], 3)),
+        patch(f"{kept}.further_drifts_of_many", further),
+    ):
+        yield
+
+
 THREE_TERMS = "-g1 + 1/(20*g3^2)"
 CUBIC = "(3*g1^2 + g3^2)*(g2^2 - 1/2 + g2^3/5)"
 LOG_LIKE = "(17/10*g1^2 + g3^2)*exp(-g2^2)"
-RANDOM_A = "1.7320508075688772"
 HIGH = {"accuracy": {"tier": "high"}}
+DRIFT = "invariants.energy.drift"
+LAMBDAS_500 = {"pointer": "/motion/lambda", "linspace": ["9/10", "11/10", 500]}
 LAMBDAS = {"pointer": "/motion/lambda", "linspace": ["9/10", "11/10", 100]}
 OUTPUTS = ["gamma", "omega"]
 SECOND_WAYS = (
@@ -170,18 +208,6 @@ SECOND_WAYS = (
         ),
     ),
     SecondWay(
-        "sums of powers in verdicts",
-        lambda: patch("service.dynamics.verdict.verdict.prove_power_sum", nothing),
-        (
-            examined("gravity", [problem_of("2", f"-{k + 1}*g1", {}) for k in range(50)]),
-            examined("α = 3", [problem_of("3", f"{k + 1}*{CUBIC}", {}) for k in range(20)]),
-            examined(
-                "a random α", [problem_of(RANDOM_A, f"{k + 1}*(A*g1^2 + C*g3^2)", {}) for k in range(20)]
-            ),
-            job("three terms", "standard", "2", THREE_TERMS),
-        ),
-    ),
-    SecondWay(
         "exact roots",
         without_roots,
         (
@@ -190,6 +216,29 @@ SECOND_WAYS = (
             job("five terms", "high", "2", "-2*g1 + 1/(20*g3^2) + g1^2/10 - g2^2/10 + 1/(500*g3^4)"),
             swept("high, round the loop", 100, problem_of("2", "-g1", HIGH), LAMBDAS),
             swept("high, three terms", 100, problem_of("2", THREE_TERMS, HIGH), LAMBDAS),
+        ),
+    ),
+    SecondWay(
+        "drifts with twice the digits",
+        without_twice_the_digits,
+        (
+            job("with invariants", "standard", "2", THREE_TERMS, outputs=[*OUTPUTS, "invariants"]),
+            job("with invariants", "standard", "3", CUBIC, outputs=[*OUTPUTS, "invariants"]),
+            swept(
+                "with the energy's drift", 500, problem_of("2", THREE_TERMS, {}), LAMBDAS_500, keep=[DRIFT]
+            ),
+        ),
+    ),
+    SecondWay(
+        "sums of powers in sweeps of moments",
+        without_power_sums,
+        (
+            swept(
+                "over A",
+                100,
+                problem_of("2", "-g1^2", {}),
+                {"pointer": "/body/A", "linspace": [2, "23/10", 100]},
+            ),
         ),
     ),
     SecondWay(

@@ -19,7 +19,7 @@ from tests.benchmarks.measuring import Effort, Result, Row, faster, in_turns
 from tests.benchmarks.motions import FloatArray
 from tests.benchmarks.sweep_service import VARIABLES, integrate, measured, sweep_document
 from workers.computation.compute import solve_document
-from workers.sweeping.local_pool import Crew
+from workers.sweeping.local_pool import LocalPool
 
 WORKERS = (1, 2)
 SETS, SAMPLES = 10_000, 200
@@ -77,8 +77,8 @@ def _crews(document: object, read: Sweep) -> Iterator[tuple[Run, ...]]:
 
 
 def _run(document: object, read: Sweep, sandbox: Sandbox, workers: int) -> ChunkPoints:
-    crew = Crew(read, document, sandbox, way="compiled", workers=workers, seconds=SECONDS)
-    parts = [part for computed in crew.points(lambda: False) if computed is not None for part in computed[1:]]
+    pool = LocalPool(read, document, sandbox, way="compiled", workers=workers, seconds=SECONDS)
+    parts = [part for computed in pool.points(lambda: False) if computed is not None for part in computed[1:]]
     return ChunkPoints(
         [outcome for part in parts for outcome in part.outcomes],
         {name: np.concatenate([part.numbers[name] for part in parts]) for name in read.keep},

@@ -12,10 +12,8 @@ from typing import TypeVar
 
 from sqlalchemy import text
 
-from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
-from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from tests.benchmarks.bare import analyze
 from tests.benchmarks.measuring import Effort, Table, in_words
@@ -34,16 +32,16 @@ SUMMARY: dict[str, object] = {"method": "quadrature", "tier": "standard"}
 
 
 def engines(effort: Effort) -> Table:
-    """Return how many empty jobs a second go through each engine, ours and bare ones."""
+    """Return how many empty jobs a second go through each engine, and by plain statements."""
     number = effort.repeats(1000)
     rows = []
     with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
-        for name, engine, make, bare_engine in (
-            ("SQLite, local engine", "local", lambda name: sqlite_url(Path(folder), name), "tables"),
-            ("Postgres, local engine", "local", lambda name: _postgres(server), "procrastinate"),
-            ("Postgres, Procrastinate", "procrastinate", lambda name: _postgres(server), "procrastinate"),
+        for name, engine, make in (
+            ("SQLite, one machine", "local", lambda name: sqlite_url(Path(folder), name)),
+            ("Postgres, one machine", "local", lambda name: _postgres(server)),
+            ("Postgres, several machines", "postgres", lambda name: _postgres(server)),
         ):
-            bare = bare_seconds(bare_engine, make("bare"), number, PLACES)
+            bare = bare_seconds(make("bare"), number)
             for workers in (1, PLACES):
                 with installed(make(f"ours-{workers}"), engine, Path(folder)) as installation:
                     submitted, done = _through(installation, number, workers)
@@ -58,11 +56,10 @@ def engines(effort: Effort) -> Table:
                     )
                 )
     remark = (
-        f"{number} empty jobs that wait already, {PLACES} at a time, by the clock. Bare is the worker of "
-        "Procrastinate with an empty task, or two plain statements a job on the same tables. Ours run in "
-        "children that can be killed, and store a solution each. Postgres does not wait for the disk here, "
-        "SQLite does; its statistics are up to date, as autovacuum keeps them. At least 0.5 is asked of "
-        "the ratio."
+        f"{number} empty jobs that wait already, {PLACES} at a time, by the clock. Bare are two plain "
+        "statements a job on the same tables. Ours run in children that can be killed, and store a solution "
+        "each. Postgres does not wait for the disk here, SQLite does; its statistics are up to date, as "
+        "autovacuum keeps them. At least 0.5 is asked of the ratio."
     )
     heads = (
         "database and engine",
@@ -81,9 +78,9 @@ def growth(effort: Effort) -> Table:
     rows = []
     with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
         for name, engine, make in (
-            ("SQLite, local engine", "local", lambda size: sqlite_url(Path(folder), f"rows-{size}")),
-            ("Postgres, local engine", "local", lambda size: _postgres(server)),
-            ("Postgres, Procrastinate", "procrastinate", lambda size: _postgres(server)),
+            ("SQLite, one machine", "local", lambda size: sqlite_url(Path(folder), f"rows-{size}")),
+            ("Postgres, one machine", "local", lambda size: _postgres(server)),
+            ("Postgres, several machines", "postgres", lambda size: _postgres(server)),
         ):
             costs = [_cost_among(make(size), engine, size, effort.repeats(500)) for size in (small, large)]
             ratios = [after / before for before, after in zip(*costs, strict=True)]
@@ -151,8 +148,8 @@ def _through(installation: Installation, number: int, workers: int) -> tuple[flo
 
 def _cost_among(url: str, engine: str, size: int, number: int) -> tuple[float, float, float]:
     """Return the median times to submit, to take and to finish a job among ``size`` others."""
-    database = Database(url)
-    store = SqlJobStore(database, dispatcher_of(Settings(database_url=url, engine=engine)))
+    database = Database(url, announces_jobs=engine == "postgres")
+    store = SqlJobStore(database)
     _fill(database, size)
     times: dict[str, list[float]] = {"submit": [], "take": [], "finish": []}
     for k in range(number):
@@ -230,9 +227,9 @@ def _pause() -> bool:
     return False
 
 
-def bare_seconds(*arguments: object) -> float:
-    """Return how long a bare engine takes, in a process of its own: see :mod:`tests.benchmarks.bare`."""
-    command = [sys.executable, "-m", "tests.benchmarks.bare", *map(str, arguments)]
+def bare_seconds(url: str, number: int) -> float:
+    """Return how long plain statements take, in a process of their own: see :mod:`tests.benchmarks.bare`."""
+    command = [sys.executable, "-m", "tests.benchmarks.bare", url, str(number)]
     return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
 
 
@@ -245,5 +242,5 @@ def sqlite_url(folder: Path, name: str) -> str:
 
 def _postgres(server: PostgresServer) -> str:
     url = server.url(server.create_database())
-    migrate(url, engine_name="procrastinate")
+    migrate(url)
     return url

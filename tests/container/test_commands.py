@@ -94,8 +94,8 @@ def test_the_first_steps_lead_to_a_solution(environment, start, tmp_path):
     def metrics():
         return call(address, "/metrics", key)[1].decode()
 
-    assert wait_until(lambda: 'polhode_workers{engine="procrastinate"} 2.0' in metrics())
-    assert 'polhode_worker_slots{engine="procrastinate"} 4.0' in metrics()
+    assert wait_until(lambda: 'polhode_workers{engine="postgres"} 2.0' in metrics())
+    assert 'polhode_worker_slots{engine="postgres"} 4.0' in metrics()
     assert wait_until(lambda: 'polhode_attempts_total{outcome="succeeded"} 1.0' in metrics())
     for log in tmp_path.glob("worker*.log"):
         for line in log.read_text().splitlines():

@@ -85,7 +85,7 @@ def test_every_command_is_one_of_ours_with_options_it_has(name):
 @pytest.mark.parametrize("name", OURS)
 def test_every_container_has_settings_that_are_accepted(name, monkeypatch):
     settings = settings_of(OURS[name], monkeypatch)
-    assert settings.engine == "procrastinate"
+    assert settings.engine == "postgres"
     assert settings.database_url.startswith("postgresql+psycopg://")
     assert ":" not in settings.database_url.partition("@")[0].partition("://")[2], "no password in the URL"
 

@@ -4,10 +4,10 @@ import argparse
 import os
 import sys
 
-from tests.crash.storm import Plan, by_procrastinate, on_postgres, on_sqlite
+from tests.crash.storm import Plan, on_postgres, on_sqlite, on_two_hosts
 
 JOBS_PER_SECOND = 10
-STORMS = {"SQLite": on_sqlite, "Postgres": on_postgres, "Procrastinate": by_procrastinate}
+STORMS = {"SQLite": on_sqlite, "Postgres": on_postgres, "TwoHosts": on_two_hosts}
 
 
 def main() -> None:

@@ -1,6 +1,7 @@
 """``polhode serve`` and another worker on one database, with every process that belongs to them.
 
-By Procrastinate the other worker is of another host: it has a folder and, if allowed, a network of its own.
+With the engine ``postgres`` the other worker is of another host: it has a folder and, if allowed, a
+network of its own.
 """
 
 import contextlib
@@ -44,7 +45,7 @@ class Installation:
             self._port = probe.getsockname()[1]
         serve = _Launch(["serve", "--port", str(self._port), "--workers", "1"], folder)
         other = _Launch(["worker", "--slots", "1"], folder)
-        if engine == "procrastinate":
+        if engine == "postgres":
             other = replace(other, folder=folder / "other", host="other", begins_with=network_apart())
             other.folder.mkdir()
         self._launches = (serve, other)

@@ -73,7 +73,7 @@ class Figures:
             f"{self._said('problems', JobKind.SOLVE)}; {self._said('chunks', JobKind.CHUNK)}; "
             f"jobs unfinished {self.unfinished}, lost {self.lost}, doubled {self.doubled}; "
             f"recovered in {self.recovery_seconds:.1f} s, processes left {self.left_processes}, "
-            f"doctor {'clean' if self.doctor['clean'] else 'NOT CLEAN'}"
+            f"doctor {'clean' if self.doctor['clean'] else f'NOT CLEAN: {self.doctor}'}"
         )
 
     def _said(self, name: str, kind: JobKind) -> str:
@@ -127,7 +127,7 @@ def on_sqlite(plan: Plan) -> Figures:
 
 
 def on_postgres(plan: Plan, *, engine: str = "local") -> Figures:
-    """In the middle the server crashes as well. By ``procrastinate`` there are two hosts."""
+    """In the middle the server crashes as well. With the engine ``postgres`` there are two hosts."""
 
     def crash() -> None:
         server.stop("immediate")
@@ -136,12 +136,12 @@ def on_postgres(plan: Plan, *, engine: str = "local") -> Figures:
 
     with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
         url = server.url(server.create_database())
-        migrate(url, engine_name=engine)
+        migrate(url)
         return storm(url, Path(folder), plan, engine=engine, disaster=crash)
 
 
-def by_procrastinate(plan: Plan) -> Figures:
-    return on_postgres(plan, engine="procrastinate")
+def on_two_hosts(plan: Plan) -> Figures:
+    return on_postgres(plan, engine="postgres")
 
 
 def storm(

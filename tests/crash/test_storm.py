@@ -3,7 +3,7 @@
 import pytest
 
 from tests.crash.client import SWEEP_POINTS
-from tests.crash.storm import Figures, Plan, by_procrastinate, on_postgres, on_sqlite
+from tests.crash.storm import Figures, Plan, on_postgres, on_sqlite, on_two_hosts
 from tests.support.effort import examples
 
 
@@ -40,6 +40,6 @@ def test_nothing_is_lost_or_doubled_in_a_long_storm_under_load(run):
 
 
 @pytest.mark.long
-def test_nothing_is_lost_or_doubled_by_two_hosts_with_procrastinate():
+def test_nothing_is_lost_or_doubled_by_two_hosts():
     plan = Plan(seed=3, jobs=200, seconds=6.0)
-    is_weathered(by_procrastinate(plan), plan)
+    is_weathered(on_two_hosts(plan), plan)

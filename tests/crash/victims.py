@@ -18,12 +18,11 @@ from sqlalchemy.orm import configure_mappers
 
 from service.jobs.records import AtlasResult, Claim, Refused, Solved
 from service.jobs.store import GivenAnswer, GivenKey, KeyTakenError, Receipt
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import VARIABLE, Database
 from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.sweeps import deleting
@@ -34,7 +33,7 @@ from tests.workers.processes import ROOT
 
 RETRIES = {"max_attempts": 3, "retry_seconds": 0.0}
 GIVING_UP = {"max_attempts": 1, "retry_seconds": 0.0}
-MARKS = Marks({"project": "thesis", "run": "7"}, "first try")
+ANNOTATION = Annotation({"project": "thesis", "run": "7"}, "first try")
 SOLVED = Solved(SUMMARY, b"dense", b"samples")
 COMPARISON = {"verdict": "agrees", "stored": dict(SUMMARY)}
 ATLAS = {"lambda": [1, 2]}
@@ -80,25 +79,25 @@ def submit(stores: Stores) -> None:
 
 
 def submit_marked(stores: Stores) -> None:
-    stores.jobs.submit_many([(PROBLEM, new_id())] * 2, marks=[MARKS, Marks(note="second")])
+    stores.jobs.submit_many([(PROBLEM, new_id())] * 2, annotations=[ANNOTATION, Annotation(note="second")])
 
 
 def succeed_marked(stores: Stores) -> None:
-    stores.jobs.submit(PROBLEM, new_id(), marks=MARKS)
+    stores.jobs.submit(PROBLEM, new_id(), annotation=ANNOTATION)
     stores.finish(stores.claim())
 
 
-def change_marks(stores: Stores) -> None:
-    stores.jobs.submit(PROBLEM, new_id(), marks=MARKS)
+def annotate_job(stores: Stores) -> None:
+    stores.jobs.submit(PROBLEM, new_id(), annotation=ANNOTATION)
     job_id = stores.claim().job_id
-    stores.jobs.mark(
-        job_id, lambda job: Marks({"project": "other", "new": job.marks.labels["run"]}, "changed")
+    stores.jobs.annotate(
+        job_id, lambda job: Annotation({"project": "other", "new": job.annotation.labels["run"]}, "changed")
     )
 
 
-def change_marks_of_sweep(stores: Stores) -> None:
-    sweep_id = stores.sweeps.submit({"seconds": 0.01}, points=50, most=20, marks=MARKS).id
-    stores.sweeps.mark(sweep_id, lambda _: Marks({"run": "8"}))
+def annotate_sweep(stores: Stores) -> None:
+    sweep_id = stores.sweeps.submit({"seconds": 0.01}, points=50, most=20, annotation=ANNOTATION).id
+    stores.sweeps.annotate(sweep_id, lambda _: Annotation({"run": "8"}))
 
 
 def submit_many(stores: Stores) -> None:
@@ -177,7 +176,7 @@ def succeed_and_reuse(stores: Stores) -> None:
 
 
 def end_several_and_take(stores: Stores) -> None:
-    stores.jobs.submit_many([(PROBLEM, new_id()) for _ in range(8)], marks=[MARKS] * 8)
+    stores.jobs.submit_many([(PROBLEM, new_id()) for _ in range(8)], annotations=[ANNOTATION] * 8)
     claims = stores.jobs.take("victim", 1, lease_seconds=OVER, together=4).claims
     ended = [(claim, SOLVED) for claim in claims[:3]] + [(claims[3], Refused(ERROR))]
     kept, taken = stores.jobs.finish_problems(ended, then_take=1, lease_seconds=OVER, together=3)
@@ -328,7 +327,7 @@ def delete_sweep(stores: Stores) -> None:
 DEEDS: tuple[Callable[[Stores], None], ...] = (
     end_several_and_take,
     submit, submit_many, submit_once, submit_sweep_once, submit_taken, submit_marked, succeed_marked,
-    change_marks, change_marks_of_sweep,
+    annotate_job, annotate_sweep,
     claim, claim_many, cancel_queued, cancel_running, heartbeat, succeed, reuse,
     succeed_and_take, succeed_and_reuse, fail, lose, lose_for_good, give_back, reconcile, reconcile_for_good,
     submit_sweep, cancel_sweep, finish_pilot, finish_part, finish_sweep, split_chunk, refuse_point,
@@ -342,7 +341,7 @@ DEEDS: tuple[Callable[[Stores], None], ...] = (
 @contextmanager
 def stores_of(url: str) -> Iterator[Stores]:
     database = Database(url)
-    audits, atlases = AuditStore(database, TableDispatcher()), AtlasStore(database, TableDispatcher())
+    audits, atlases = AuditStore(database), AtlasStore(database)
     yield Stores(database, SqlJobStore(database), SweepStore(database), audits, atlases)
     database.close()
 

@@ -29,21 +29,21 @@ class Worker:
     def start(self, waiting: set[Lane]) -> Lane:
         """Start the job that comes next, as the runner does with the store."""
         lane = None
-        for owed in self.shares.owed()[:1]:
-            if owed in waiting:
-                lane = owed
+        for starved in self.shares.starved()[:1]:
+            if starved in waiting:
+                lane = starved
             else:
-                self.shares.forget(owed)
-        was_owed = lane is not None
+                self.shares.forget(starved)
+        was_starved = lane is not None
         lane = min(waiting) if lane is None else lane
         self.shares.begin(lane)
-        heapq.heappush(self.running, (self.now + self.seconds[lane], next(self._numbers), lane, was_owed))
+        heapq.heappush(self.running, (self.now + self.seconds[lane], next(self._numbers), lane, was_starved))
         self.order.append(lane)
         return lane
 
     def finish(self) -> None:
-        self.now, _, lane, was_owed = heapq.heappop(self.running)
-        self.shares.end(lane, self.seconds[lane], was_owed=was_owed)
+        self.now, _, lane, was_starved = heapq.heappop(self.running)
+        self.shares.end(lane, self.seconds[lane], was_starved=was_starved)
         self.spent[lane] += self.seconds[lane]
 
     def step(self, waiting: set[Lane]) -> Lane:
@@ -129,13 +129,13 @@ def test_nobody_saves_up_while_nothing_of_his_waits():
 
 def test_the_most_neglected_lane_comes_first():
     shares = LaneShares()
-    assert shares.owed() == ()
+    assert shares.starved() == ()
     shares.begin(Lane.LIST)
-    shares.end(Lane.LIST, 10.0, was_owed=False)
-    assert shares.owed() == (Lane.SWEEP,)
+    shares.end(Lane.LIST, 10.0, was_starved=False)
+    assert shares.starved() == (Lane.SWEEP,)
     shares.begin(Lane.SWEEP)
     # What runs is counted before it has ended: another slot does not pay once more.
-    assert shares.owed() == ()
+    assert shares.starved() == ()
     shares.begin(Lane.SINGLE)
-    shares.end(Lane.SINGLE, 100.0, was_owed=False)
-    assert shares.owed() == (Lane.SWEEP, Lane.LIST)
+    shares.end(Lane.SINGLE, 100.0, was_starved=False)
+    assert shares.starved() == (Lane.SWEEP, Lane.LIST)

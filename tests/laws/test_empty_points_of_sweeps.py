@@ -23,7 +23,7 @@ APART = [sign * Fraction(10) ** -power for power in (1, 2, 3, 4, 6) for sign in 
 @pytest.fixture(autouse=True)
 def no_hurry(monkeypatch):
     """Nothing ends a chunk but its last point."""
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 600.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 600.0)
     chunk._solver_of.cache_clear()
 
 

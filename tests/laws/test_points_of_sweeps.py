@@ -39,7 +39,7 @@ AXES = ["/motion/lambda", "/motion/start/g1", "/body/B", "/potential/parameters/
 @pytest.fixture(autouse=True)
 def no_hurry(monkeypatch):
     """Nothing ends a chunk but its last point."""
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 600.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 600.0)
     chunk._solver_of.cache_clear()
 
 

@@ -78,7 +78,7 @@ def is_split(exact, double, rest):
 @given(st.lists(EXACT, min_size=1, max_size=5))
 def test_listed_times_lose_nothing(times):
     found = sample_times(TimeList(tuple(times)), None)
-    assert all(map(is_split, times, found.doubles.tolist(), found.rests.tolist()))
+    assert all(map(is_split, times, found.doubles.tolist(), found.low_parts.tolist()))
     assert exact_instants(TimeList(tuple(times))) == times
 
 
@@ -88,14 +88,14 @@ def test_neither_do_those_of_a_span(start, length, samples):
     exact = [start + length * k / max(samples - 1, 1) for k in range(samples)]
     found = sample_times(span, None)
     assert exact_instants(span) == exact
-    assert all(map(is_split, exact, found.doubles.tolist(), found.rests.tolist()))
+    assert all(map(is_split, exact, found.doubles.tolist(), found.low_parts.tolist()))
 
 
 @given(st.fractions("1e-3", 10**9, max_denominator=10**4), st.integers(1, 9), st.floats(1e-3, 1e3))
 def test_periods_are_multiples_of_both_its_parts(periods, samples, hi):
     lo = math.ulp(hi) / 3.0
     found = sample_times(TimePeriods(periods, samples), Period(hi, lo, 0.0))
-    for k, (double, rest) in enumerate(zip(found.doubles.tolist(), found.rests.tolist(), strict=True)):
+    for k, (double, rest) in enumerate(zip(found.doubles.tolist(), found.low_parts.tolist(), strict=True)):
         exact = periods * k / max(samples - 1, 1) * (Fraction(hi) + Fraction(lo))
         assert abs(exact - Fraction(double) - Fraction(rest)) <= exact * Fraction(1, 2**100)
         assert abs(exact - Fraction(double)) <= Fraction(math.ulp(double)) * Fraction(51, 100)
@@ -176,7 +176,7 @@ def test_a_solution_evaluated_later_takes_the_exact_time_too():
     outcome = solved({"times": [0]}, {"tier": "high"}, outputs=["omega", "gamma", "orientation"])
     dense = decode_dense(outcome.dense)
     times = sample_times(TimeList(tuple(map(Fraction, LATE))), None)
-    columns = trajectory_columns(dense, times.doubles, times.rests)
+    columns = trajectory_columns(dense, times.doubles, times.low_parts)
     found = np.stack([columns[name] for name in COLUMNS], axis=1)
     assert np.abs(found - certified(LATE)).max() <= dense.error_at(times.doubles)
     # The third row of the rotation is gamma: the quaternion is of the same time.
@@ -192,7 +192,7 @@ def test_integrated_motions_take_the_rest_of_a_time():
     found = np.stack([columns[name] for name in COLUMNS], axis=1)
     assert np.abs(found - certified(["1/3", "20/3"])).max() <= outcome.summary["error"]
     motion = solve(read_problem(document(times, {"tolerance": "1e-11"}, method="integration")))
-    assert motion.rests is not None
+    assert motion.low_parts is not None
     # What the double leaves out moves the place on its piece, which is seen where it is made large.
-    moved = motion.dense(motion.times[:1], motion.rests[:1] + 1e-3)
+    moved = motion.dense(motion.times[:1], motion.low_parts[:1] + 1e-3)
     assert np.abs(moved - motion.dense(motion.times[:1] + 1e-3)).max() <= 1e-14

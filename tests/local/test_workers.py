@@ -9,7 +9,7 @@ import threading
 import pytest
 
 from service.app import create_app
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.local.worker_process import WorkerProcess
 from service.local.workers import LocalWorkers, Restarts, WorkerStanding
 from service.settings import Settings
@@ -47,14 +47,14 @@ def keep(monkeypatch):
             return [*command, name, json.dumps(options)]
 
         monkeypatch.setattr("service.local.workers.worker_command", with_options)
-        bell = Doorbell()
-        started.append((LocalWorkers(Settings(workers=1, grace_seconds=0.0), bell), bell))
+        wake_up = WakeUpSocket()
+        started.append((LocalWorkers(Settings(workers=1, grace_seconds=0.0), wake_up), wake_up))
         return started[-1][0]
 
     yield begin
-    for workers, bell in started:
+    for workers, wake_up in started:
         workers.stop()
-        bell.close()
+        wake_up.close()
 
 
 def test_a_killed_worker_is_started_again(keep):

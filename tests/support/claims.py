@@ -92,7 +92,7 @@ def claims_of(case: Case, tier: Tier) -> list[Claim]:
         return [
             _of_states("samples", motion.error, motion.samples, case.reference),
             _of_states(
-                "stored", dense.error_at(motion.times), dense(motion.times, motion.rests), case.reference
+                "stored", dense.error_at(motion.times), dense(motion.times, motion.low_parts), case.reference
             ),
             _of_ball("period", period.error, case.reference.period - arb(period.hi) - arb(period.lo)),
             _of_ball("energy", motion.energy.error, case.reference.energy - arb(motion.energy.value)),

@@ -217,7 +217,7 @@ def _is_window(true: Facts, motion: Motion) -> bool:
 
 
 def _claims(motion: Facts, found: Motion) -> dict[str, tuple[float, float]]:
-    stored = found.dense(found.times, found.rests)
+    stored = found.dense(found.times, found.low_parts)
     claims = {
         "samples": (found.error, _farthest(motion["states"], found.samples.tolist())),
         "stored": (found.dense.error_at(found.times), _farthest(motion["states"], stored.tolist())),

@@ -92,7 +92,7 @@ def claims_of_state(case: StateCase, tier: Tier) -> list[Claim]:
     motion = solve(read_problem(case.document(tier)))
     found = {
         "samples": (motion.error, motion.samples),
-        "stored": (motion.dense.error, motion.dense(motion.times, motion.rests)),
+        "stored": (motion.dense.error, motion.dense(motion.times, motion.low_parts)),
     }
     claims = []
     for name, (claimed, values) in found.items():

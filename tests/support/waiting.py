@@ -1,19 +1,24 @@
-"""Waiting: for the doorbell from a test that has no event loop, and for what other processes do."""
+"""Waiting: for a wake-up from a test that has no event loop, and for what other processes do."""
 
 import asyncio
 import time
 from collections.abc import Callable
 
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 
 
 def wait_for(
-    doorbell: Doorbell, job_id: str, *, is_finished: Callable[[], bool], timeout: float, is_new: bool = False
+    wake_up: WakeUpSocket,
+    job_id: str,
+    *,
+    is_finished: Callable[[], bool],
+    timeout: float,
+    is_new: bool = False,
 ) -> bool:
     async def look() -> bool:
         return is_finished()
 
-    return asyncio.run(doorbell.wait_for(job_id, is_finished=look, timeout=timeout, is_new=is_new))
+    return asyncio.run(wake_up.wait_for(job_id, is_finished=look, timeout=timeout, is_new=is_new))
 
 
 def wait_until(is_true: Callable[[], bool], *, seconds: float = 120.0) -> bool:

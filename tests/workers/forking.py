@@ -24,7 +24,7 @@ def fork_whenever_asked(line: int, work: Callable[[Sequence[str]], None]) -> Non
     """Fork for each request that comes by the ``line``, a socket, until nobody holds its other end.
 
     A request is a JSON document of the folder, the environment and the
-    arguments; with it come a socket and perhaps a bell. The socket is told the
+    arguments; with it come a socket and perhaps a wake-up socket. The socket is told the
     fork's id, and at its end its exit code and the seconds of processor time.
     """
     configure_mappers()
@@ -40,13 +40,13 @@ def fork_whenever_asked(line: int, work: Callable[[Sequence[str]], None]) -> Non
             content, descriptors, _, _ = socket.recv_fds(control, MESSAGE_BYTES, 2)
             if not content:
                 return
-            told, bell = socket.socket(fileno=descriptors[0]), descriptors[1:]
+            told, wake_up = socket.socket(fileno=descriptors[0]), descriptors[1:]
             pid = os.fork()
             if pid == 0:
                 selector.close()
                 control.close()
-                _run(json.loads(content), told, bell, work)
-            for descriptor in bell:
+                _run(json.loads(content), told, wake_up, work)
+            for descriptor in wake_up:
                 os.close(descriptor)
             selector.register(os.pidfd_open(pid), selectors.EVENT_READ, (pid, told))
 
@@ -59,7 +59,7 @@ def _tell_end(pid: int, told: socket.socket) -> None:
 
 
 def _run(
-    request: dict, told: socket.socket, bell: Sequence[int], work: Callable[[Sequence[str]], None]
+    request: dict, told: socket.socket, wake_up: Sequence[int], work: Callable[[Sequence[str]], None]
 ) -> None:
     """Be a worker; never return."""
     code = 1
@@ -73,7 +73,7 @@ def _run(
         os.chdir(request["folder"])
         os.environ.clear()
         os.environ.update(request["environment"])
-        work([*request["arguments"], *map(str, bell)])
+        work([*request["arguments"], *map(str, wake_up)])
         code = 0
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else 1

@@ -15,7 +15,7 @@ from typing import TypeVar
 from sqlalchemy import select
 from sqlalchemy.exc import OperationalError
 
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.storage.database.database import Database
 from service.storage.tables.jobs import JobRow
 from tests.workers.forked_process import ForkedProcess
@@ -75,14 +75,14 @@ def _process_ids() -> list[int]:
 
 
 class Worker:
-    """A worker in a process of its own, with a bell if it is given one."""
+    """A worker in a process of its own, with a wake-up socket if it is given one."""
 
     def __init__(
         self,
         url: str,
         *,
         slots: int = 1,
-        doorbell: Doorbell | None = None,
+        wake_up: WakeUpSocket | None = None,
         folder: Path = ROOT,
         clock_shift: float = 0.0,
         begins_with: Sequence[str] = (),
@@ -98,7 +98,7 @@ class Worker:
         environment = {f"POLHODE_{name.upper()}": str(value) for name, value in chosen.items()}
         environment |= {"CLOCK_SHIFT": str(clock_shift), "PYTHONPATH": str(ROOT), "POLHODE_DATABASE_URL": url}
         environment = {**os.environ, **environment}
-        theirs = None if doorbell is None else doorbell.new_line()
+        theirs = None if wake_up is None else wake_up.new_socket()
         descriptors = [] if theirs is None else [theirs.fileno()]
         self.process: subprocess.Popen[bytes] | ForkedProcess
         has_own_network = begins_with == OWN_NETWORK

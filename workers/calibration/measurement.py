@@ -113,11 +113,11 @@ def calibrate(
         reference = reference_states(case)
         for tier in TIERS:
             step(f"{case.kind}, {case.family}: {tier}")
-            found = _measure(case, tier, reference, effort, seconds_of)
-            if isinstance(found, AccuracyRow):
-                rows.append(found)
+            row = _measure(case, tier, reference, effort, seconds_of)
+            if isinstance(row, AccuracyRow):
+                rows.append(row)
             else:
-                unavailable.append(found)
+                unavailable.append(row)
     return AccuracyTable(
         source=source,
         date=datetime.now(UTC).isoformat(timespec="seconds"),

@@ -173,12 +173,12 @@ def reference_states(case: Case) -> ReferenceStates:
 def _certified(problem: Problem, case: Case) -> ReferenceStates:
     step = Fraction(case.stop) / (SAMPLES - 1)
     times = [step * k for k in range(0, SAMPLES, STRIDE)]
-    found = enclose(problem.body, problem.potential, problem.motion, times, BITS)
+    enclosed = enclose(problem.body, problem.potential, problem.motion, times, BITS)
     with ctx.workprec(2 * BITS):
-        high = np.array([[float(value.mid()) for value in state] for state in found.states])
+        high = np.array([[float(value.mid()) for value in state] for state in enclosed.states])
         rest = [
             [value - ball(Fraction(number)) for value, number in zip(state, row, strict=True)]
-            for state, row in zip(found.states, high.tolist(), strict=True)
+            for state, row in zip(enclosed.states, high.tolist(), strict=True)
         ]
         low = np.array([[float(value.mid()) for value in row] for row in rest])
         error = max(_upper(value.rad()) for row in rest for value in row)

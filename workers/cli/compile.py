@@ -146,8 +146,8 @@ def _alongside() -> Iterator["subprocess.Popen[bytes] | None"]:
 @contextmanager
 def _watched(notes: Path, tell: Callable[[Kernels], None]) -> Iterator[None]:
     """Count what is there, once a second, and tell it to others too."""
-    for found in pkgutil.walk_packages(compiled.__path__, compiled.__name__ + "."):
-        importlib.import_module(found.name)
+    for module in pkgutil.walk_packages(compiled.__path__, compiled.__name__ + "."):
+        importlib.import_module(module.name)
     folders, is_over = code_in_use(), threading.Event()
     began, at_first = time.monotonic(), _count(folders)
 

@@ -137,21 +137,21 @@ def draw_file(file: Path, *, as_json: bool, picture: Path | None) -> int:
     settings = read_settings()
     document = read_document(file)
     error = refusal_of_reading(document, read_atlas)
-    found = {"error": error} if error is not None else _drawn(document, settings)
-    if isinstance(found, str):
-        say(found)
+    result = {"error": error} if error is not None else _drawn(document, settings)
+    if isinstance(result, str):
+        say(result)
         return _REFUSED
-    if "error" in found:
+    if "error" in result:
         if as_json:
-            answer(json.dumps(found["error"]) + "\n")
-        say(Refusal.model_validate(found["error"]).reason())
+            answer(json.dumps(result["error"]) + "\n")
+        say(Refusal.model_validate(result["error"]).reason())
         return _REFUSED
-    drawn = AtlasOut.model_validate(found["verdict"])
+    drawn = AtlasOut.model_validate(result["verdict"])
     if picture is not None:
         with OutputFile(picture) as out:
             out.write(picture_of(drawn).encode())
     if picture != STANDARD_STREAM:
-        answer(json.dumps(found["verdict"]) + "\n" if as_json else describe_atlas(drawn) + "\n")
+        answer(json.dumps(result["verdict"]) + "\n" if as_json else describe_atlas(drawn) + "\n")
     return 0
 
 
@@ -160,15 +160,15 @@ def _drawn(document: object, settings: Settings) -> dict[str, object] | str:
     # Not at the top: it loads the solvers.
     from workers.computation.atlases import with_stability  # noqa: PLC0415
 
-    asked = json.dumps(document)
+    request = json.dumps(document)
     sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=[with_stability.__module__])
     limit = f"POLHODE_VERDICT_SECONDS = {settings.verdict_seconds:g}"
     try:
         with Console(stderr=True).status("drawing …"):  # shows nothing where stderr is not a terminal
-            found = sandbox.run(examine_atlas, asked, seconds=settings.verdict_seconds)
+            result = sandbox.run(examine_atlas, request, seconds=settings.verdict_seconds)
             if read_atlas(document).wants_stability:
                 limit = f"POLHODE_JOB_SECONDS = {settings.job_seconds:g}"
-                found = sandbox.run(with_stability, asked, found, seconds=settings.job_seconds)
+                result = sandbox.run(with_stability, request, result, seconds=settings.job_seconds)
     except SandboxTimeoutError:
         return f"no atlas within {limit}"
     except SandboxMemoryError:
@@ -177,7 +177,7 @@ def _drawn(document: object, settings: Settings) -> dict[str, object] | str:
         return f"no atlas: {fault}"
     finally:
         sandbox.close()
-    read: dict[str, object] = json.loads(found)
+    read: dict[str, object] = json.loads(result)
     return read
 
 
@@ -217,8 +217,8 @@ def _numbers(summary: Summary) -> Iterator[str]:
     yield f"error       ≤ {summary['error']:.1e} in every variable at the sampled times"
     groups = {name: error["relative"] for name, error in summary["errors"].items()}
     if groups:
-        told = (f"{name} {error:.1e}" for name, error in groups.items() if error is not None)
-        yield f"relative    ≤ {', '.join(told)}"
+        parts = (f"{name} {error:.1e}" for name, error in groups.items() if error is not None)
+        yield f"relative    ≤ {', '.join(parts)}"
     for name, integral in (summary["invariants"] or {}).items():
         value = f" of {integral['value']!r} ({integral['kind']})" if "value" in integral else ""
         yield f"{name + ' drift':<18}{integral['drift']:.1e}{value}"

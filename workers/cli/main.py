@@ -28,14 +28,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Return 0 for success, 1 if it was refused or failed, 2 for wrong usage, both with the reason on stderr.
     """
-    given = sys.argv[1:] if arguments is None else arguments
-    if not given or given[0] not in COMMANDS:
+    words = sys.argv[1:] if arguments is None else arguments
+    if not words or words[0] not in COMMANDS:
         say(f"usage: python -m workers NAME OPTIONS; names are {', '.join(COMMANDS)}. People use polhode")
         return _WRONG_USAGE
     try:
-        options = json.loads(given[1]) if len(given) > 1 else {}
+        options = json.loads(words[1]) if len(words) > 1 else {}
         paths = {name: Path(text) for name, text in options.items() if name in _PATHS and text is not None}
-        return _command(given[0])(**{**options, **paths})
+        return _command(words[0])(**{**options, **paths})
     except SettingsError as fault:
         say(str(fault))
         return _WRONG_USAGE
@@ -94,7 +94,7 @@ def run(*, slots: int | None = None, wake_fd: int | None = None) -> int:
             # Started alone. A service that starts workers migrates, and tells them when it has.
             from service.storage.database.migration import migrate_or_explain  # noqa: PLC0415
 
-            migrate_or_explain(settings.database_url, engine_name=settings.engine)
+            migrate_or_explain(settings.database_url)
         run_worker(WorkerTasks(COMPUTATIONS, PRELOAD, WARM_UP), settings, slots=slots, wake_fd=wake_fd)
     except _reasons_to_end() as fault:
         say(str(fault))

@@ -42,7 +42,7 @@ from service.storage.codecs.packing import SOLVED, ChunkPoints, bounds_of
 from service.terminal import STANDARD_STREAM, OutputFile, answer, read_document, say
 from workers.cli.compile import compile_solvers
 from workers.computation.compiled_code import GROUPS, fixed_way, is_ready, why_no_folder
-from workers.sweeping.local_pool import Crew
+from workers.sweeping.local_pool import LocalPool
 
 FloatArray = NDArray[np.float64]
 
@@ -161,16 +161,16 @@ def sweep_file(file: Path, *, out: Path | None, workers: int | None, as_json: bo
     settings = read_settings()
     document = read_document(file)
     try:
-        found = read_sweep(document, max_points=settings.max_sweep_points)
+        sweep = read_sweep(document, max_points=settings.max_sweep_points)
     except InvalidProblemError as refused:
         lines = (f"{fault.pointer or '/'}: {fault.message} ({fault.code})" for fault in refused.faults)
         return _fail("\n".join(lines), _FAILED)
-    if out is not None and found.series_columns and suffix_of(out) not in WITH_LISTS:
+    if out is not None and sweep.series_columns and suffix_of(out) not in WITH_LISTS:
         return _fail(f"{out}: {suffix_of(out)} has no series; {', '.join(WITH_LISTS)} have", _WRONG_USAGE)
     with ExitStack() as opened:
-        points = None if out is None else opened.enter_context(opened_points(out, found))
+        points = None if out is None else opened.enter_context(opened_points(out, sweep))
         told = _Told(out, as_json)
-        return _run(found, document, points, settings, workers or os.cpu_count() or 1, told)
+        return _run(sweep, document, points, settings, workers or os.cpu_count() or 1, told)
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,50 +180,50 @@ class _Told:
     out: Path | None
     as_json: bool
 
-    def tell(self, found: Sweep, tally: Tally, seconds: float) -> None:
+    def tell(self, sweep: Sweep, tally: Tally, seconds: float) -> None:
         """Tell what has come of the sweep, on stderr if stdout has the points."""
         if self.as_json:
-            answer(_as_json(found, tally, self.out, seconds))
+            answer(_as_json(sweep, tally, self.out, seconds))
         elif self.out == STANDARD_STREAM:
-            say(_described(found, tally, self.out, seconds).rstrip())
+            say(_described(sweep, tally, self.out, seconds).rstrip())
         else:
-            answer(_described(found, tally, self.out, seconds))
+            answer(_described(sweep, tally, self.out, seconds))
 
 
 def _run(
-    found: Sweep, document: object, file: PointFile | None, settings: Settings, workers: int, told: _Told
+    sweep: Sweep, document: object, file: PointFile | None, settings: Settings, workers: int, told: _Told
 ) -> int:
-    way = _way_of(found)
+    way = _way_of(sweep)
     sandbox = Sandbox(workers, memory_mb=settings.job_memory_mb, preload=["workers.sweeping.planar.block"])
-    crew = Crew(found, document, sandbox, way=way, workers=workers, seconds=settings.job_seconds)
+    pool = LocalPool(sweep, document, sandbox, way=way, workers=workers, seconds=settings.job_seconds)
     stop, tally, began = StopAsked(), Tally(), time.monotonic()
     try:
         with stop, _progress() as progress:
-            task = progress.add_task("", total=found.points, refused=0)
-            for computed in crew.points(lambda: stop.is_asked):
+            task = progress.add_task("", total=sweep.points, refused=0)
+            for computed in pool.points(lambda: stop.is_asked):
                 if computed is not None:
                     first, points = computed
                     tally.add(points)
                     if file is not None:
-                        file.write_table(table_of(found, first, points))
-                progress.update(task, completed=crew.computed, refused=tally.refused)
+                        file.write_table(table_of(sweep, first, points))
+                progress.update(task, completed=pool.computed, refused=tally.refused)
     finally:
         sandbox.close()
     if file is not None:
         file.close()
-    told.tell(found, tally, time.monotonic() - began)
+    told.tell(sweep, tally, time.monotonic() - began)
     if way == "plain" and tally.refused:
         say(f"compiled kernels may solve what was refused without them: {FASTER}")
-    missing = crew.missing()
-    return _fail(_told_missing(found, missing), _FAILED) if missing else _DONE
+    missing = pool.missing()
+    return _fail(_told_missing(sweep, missing), _FAILED) if missing else _DONE
 
 
-def _way_of(found: Sweep) -> Way:
+def _way_of(sweep: Sweep) -> Way:
     """Return the way of all points; where that is sooner done, kernels are compiled first."""
     way = fixed_way()
     if way is not None or is_ready(*GROUPS):
         return way or "compiled"
-    way = way_of_sweep({"base": found.base}, found.points, Kernels(0, KERNELS, None, why_no_folder()))
+    way = way_of_sweep({"base": sweep.base}, sweep.points, Kernels(0, KERNELS, None, why_no_folder()))
     if way == "plain":
         say(f"computed without compiled kernels, point by point: {FASTER}")
         return way
@@ -254,9 +254,9 @@ def _progress() -> Progress:
     )
 
 
-def _as_json(found: Sweep, tally: Tally, out: Path | None, seconds: float) -> str:
+def _as_json(sweep: Sweep, tally: Tally, out: Path | None, seconds: float) -> str:
     answer = {
-        "points": found.points,
+        "points": sweep.points,
         "done": tally.done,
         "refused": tally.refused,
         "outcomes": dict(tally.outcomes),
@@ -267,10 +267,10 @@ def _as_json(found: Sweep, tally: Tally, out: Path | None, seconds: float) -> st
     return json.dumps(answer, allow_nan=False) + "\n"
 
 
-def _described(found: Sweep, tally: Tally, out: Path | None, seconds: float) -> str:
+def _described(sweep: Sweep, tally: Tally, out: Path | None, seconds: float) -> str:
     """Return the summary: counts of outcomes, the range of each kept number, and the file of the points."""
     rate = tally.done / max(seconds, 1e-9)
-    lines = [f"{tally.done:,} of {found.points:,} points in {seconds:,.3g} s ({rate:,.0f}/s)"]
+    lines = [f"{tally.done:,} of {sweep.points:,} points in {seconds:,.3g} s ({rate:,.0f}/s)"]
     lines += [f"  {count:>12,}  {outcome}" for outcome, count in tally.outcomes.most_common()]
     width = max(map(len, tally.bounds), default=0)
     lines += [f"{name:<{width}}  {low!r} to {high!r}" for name, (low, high) in tally.bounds.items()]
@@ -279,10 +279,10 @@ def _described(found: Sweep, tally: Tally, out: Path | None, seconds: float) -> 
     return "\n".join(lines) + "\n"
 
 
-def _told_missing(found: Sweep, missing: list[Range]) -> str:
+def _told_missing(sweep: Sweep, missing: list[Range]) -> str:
     shown = ", ".join(f"{gap.first} to {gap.first + gap.count - 1}" for gap in missing[:10])
     count = sum(gap.count for gap in missing)
-    return f"stopped: {count:,} of {found.points:,} points are missing, those with index {shown}" + (
+    return f"stopped: {count:,} of {sweep.points:,} points are missing, those with index {shown}" + (
         "" if len(missing) <= 10 else f" and {len(missing) - 10} more ranges"
     )
 

@@ -10,10 +10,10 @@ from service.verdicts.atlases import examine_atlas_of_job
 from workers.computation.compiled_code import way_for
 from workers.computation.compute import solve_document
 
-TOLD = {"trace": "trace", "trace_error": "error", "multipliers": "multipliers"}
-TOLD |= {"multipliers_error": "multipliers_error", "verdict": "verdict"}
+STABILITY_COLUMNS = {"trace": "trace", "trace_error": "error", "multipliers": "multipliers"}
+STABILITY_COLUMNS |= {"multipliers_error": "multipliers_error", "verdict": "verdict"}
 """Names of columns, and of what a solution tells."""
-SAME = ("body", "potential", "accept")
+SHARED_MEMBERS = ("body", "potential", "accept")
 """Members that a problem has in common with the document of an atlas."""
 
 
@@ -22,8 +22,8 @@ def draw_document(document_json: str) -> AtlasResult | Refused:
     answer = examine_atlas_of_job(document_json)
     if trusted_atlas(json.loads(document_json)).wants_stability:
         answer = with_stability(document_json, answer, waits=True)
-    found = json.loads(answer)
-    return Refused(found["error"]) if "error" in found else AtlasResult(encode_document(found["verdict"]))
+    result = json.loads(answer)
+    return Refused(result["error"]) if "error" in result else AtlasResult(encode_document(result["verdict"]))
 
 
 def with_stability(document_json: str, atlas_json: str, *, waits: bool = False) -> str:
@@ -43,10 +43,10 @@ def with_stability(document_json: str, atlas_json: str, *, waits: bool = False) 
 
 
 def _along(document: Document, window: int, lambdas: list[float], waits: bool) -> Document:
-    columns: dict[str, list[object]] = {name: [] for name in (*TOLD, "reason")}
+    columns: dict[str, list[object]] = {name: [] for name in (*STABILITY_COLUMNS, "reason")}
     for lambda_ in lambdas:
         found, reason = _at(document, window, lambda_, waits)
-        for column, name in TOLD.items():
+        for column, name in STABILITY_COLUMNS.items():
             columns[column].append(None if found is None else found[name])
         columns["reason"].append(reason)
     return dict(columns)
@@ -56,7 +56,7 @@ def _at(document: Document, window: int, lambda_: float, waits: bool) -> tuple[P
     """Return the stability that a job tells, or the code it is refused with."""
     motion: Document = {"type": "planar", "lambda": lambda_, "window": window}
     motion |= {name: document[name] for name in ("g1_sign", "g3_sign") if name in document}
-    problem: Document = {name: document[name] for name in SAME if name in document}
+    problem: Document = {name: document[name] for name in SHARED_MEMBERS if name in document}
     problem["motion"] = motion
     problem["time"] = {"periods": 1, "samples": 2}
     problem["outputs"] = ["stability"]

@@ -25,7 +25,7 @@ from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
 from service.storage.codecs.packing import CodecError, FloatArray, decode_arrays, decode_dense, unpack_arrays
 from workers.computation.compute import solve_document, way_to_repeat
 
-TIMES = 33
+COMPARED_TIMES = 33
 """Number of times at which two functions of time are compared."""
 _EPSILON = 2.0**-52
 _NUMBERS: Mapping[str, tuple[str, ...]] = {
@@ -80,9 +80,9 @@ def compare_solutions(stored: StoredSolution, again: Solved) -> Comparison:
     """Compare a stored solution with another one of the same problem, perhaps of another tier or method."""
     is_same = stored.problem == again.summary["problem"]
     if is_same and _is_identical(stored, again):
-        return Comparison(Sameness.IDENTICAL, "the same bits", _found(stored, again, is_same=True))
+        return Comparison(Sameness.IDENTICAL, "the same bits", _differences(stored, again, is_same=True))
     try:
-        differences = _found(stored, again, is_same=is_same)
+        differences = _differences(stored, again, is_same=is_same)
         has_same_numbers = is_same and _has_same_numbers(stored, again)
     except (CodecError, _OneSidedError) as fault:
         return Comparison(Sameness.DIFFERENT, str(fault), {})
@@ -116,9 +116,7 @@ def _has_same_numbers(stored: StoredSolution, again: Solved) -> bool:
     return (
         _has_same_arrays(stored.dense, again.dense)
         and (stored.samples is None or _has_same_arrays(stored.samples, again.samples))
-        and all(
-            _member(stored.summary, place) == _member(again.summary, place) for place in _NUMBERS.values()
-        )
+        and all(_member(stored.summary, path) == _member(again.summary, path) for path in _NUMBERS.values())
     )
 
 
@@ -139,7 +137,7 @@ def _changed_provenance(stored: StoredSolution, again: Solved) -> list[str]:
     return [name for name, value in now.items() if known.get(name) != value]
 
 
-def _found(stored: StoredSolution, again: Solved, *, is_same: bool) -> dict[str, Difference]:
+def _differences(stored: StoredSolution, again: Solved, *, is_same: bool) -> dict[str, Difference]:
     """Return the differences of all that both solutions have.
 
     Raises
@@ -147,17 +145,17 @@ def _found(stored: StoredSolution, again: Solved, *, is_same: bool) -> dict[str,
     _OneSidedError
         One of two solutions of the same problem lacks something, or what is stored has no such form.
     """
-    found: dict[str, Difference] = {}
-    for name, place in _NUMBERS.items():
-        one, other = _member(stored.summary, place), _member(again.summary, place)
+    differences: dict[str, Difference] = {}
+    for name, path in _NUMBERS.items():
+        one, other = _member(stored.summary, path), _member(again.summary, path)
         if one is not None and other is not None:
-            found[name] = _apart(name, one, other)
+            differences[name] = _apart(name, one, other)
         elif is_same and one is not other:
             raise _OneSidedError(f"only one of the two solutions has a {name}")
     dense, other_dense = decode_dense(stored.dense), decode_dense(again.dense)
     function = _functions_apart(dense, other_dense)
     if function is not None:
-        found["function"] = function
+        differences["function"] = function
     if stored.samples is not None:
         columns, others = decode_arrays(stored.samples), decode_arrays(again.samples)
         errors, other_errors = (
@@ -168,19 +166,19 @@ def _found(stored: StoredSolution, again: Solved, *, is_same: bool) -> dict[str,
         if wanted != [name for name in others if name in other_errors]:
             raise _OneSidedError("the two solutions have samples of different columns")
         if wanted:
-            found["samples"] = _columns_apart(
+            differences["samples"] = _columns_apart(
                 {name: columns[name] for name in wanted},
                 others,
                 lambda name: errors[name] + other_errors[name],
             )
-    return found
+    return differences
 
 
-def _member(summary: Mapping[str, object], place: tuple[str, ...]) -> Mapping[str, object] | None:
-    found: object = summary
-    for name in place:
-        found = found.get(name) if isinstance(found, Mapping) else None
-    return found if isinstance(found, Mapping) else None
+def _member(summary: Mapping[str, object], path: tuple[str, ...]) -> Mapping[str, object] | None:
+    member: object = summary
+    for name in path:
+        member = member.get(name) if isinstance(member, Mapping) else None
+    return member if isinstance(member, Mapping) else None
 
 
 def _apart(name: str, one: Mapping[str, object], other: Mapping[str, object]) -> Difference:
@@ -191,10 +189,10 @@ def _apart(name: str, one: Mapping[str, object], other: Mapping[str, object]) ->
     return _difference(float(abs(value - other_value)), float(error + other_error))
 
 
-def _number(told: Mapping[str, object], name: str) -> tuple[Fraction, Fraction]:
+def _number(number: Mapping[str, object], name: str) -> tuple[Fraction, Fraction]:
     """Return a number and its error, or the radius of one that is proven."""
-    value = told["trace" if name == "trace" else "value"]
-    error = told["radius"] if "radius" in told else told["error"]
+    value = number["trace" if name == "trace" else "value"]
+    error = number["radius"] if "radius" in number else number["error"]
     return Fraction(str(value)), Fraction(str(error))
 
 
@@ -229,7 +227,7 @@ def _functions_apart(one: DenseOutput, other: DenseOutput) -> Difference | None:
     if not one.columns:
         return None
     start, stop = max(one.breaks[0], other.breaks[0]), min(one.breaks[-1], other.breaks[-1])
-    times = np.linspace(start, stop, TIMES)
+    times = np.linspace(start, stop, COMPARED_TIMES)
     try:
         values, others = trajectory_columns(one, times), trajectory_columns(other, times)
     except OutsideHorizonError as fault:
@@ -243,11 +241,11 @@ def _columns_apart(
 ) -> Difference:
     if any(column.shape != others[name].shape for name, column in columns.items()):
         raise _OneSidedError("the two solutions have samples at different times")
-    found = [
+    differences = [
         _difference(float(np.max(np.abs(column - others[name]), initial=0.0)), allowed(name))
         for name, column in columns.items()
     ]
-    return max(found, key=_badness)
+    return max(differences, key=_badness)
 
 
 def _badness(difference: Difference) -> float:
@@ -263,7 +261,7 @@ def _difference(difference: float, allowed: float) -> Difference:
     return Difference(difference, allowed, share)
 
 
-_TOLD = ("method", "tier", "error", "provenance")
+_REPORTED = ("method", "tier", "error", "provenance")
 """Facts that are reported of both solutions."""
 
 
@@ -280,7 +278,7 @@ def audit_document(document_json: str, windows_json: str, stored: StoredSolution
 
 
 def _document(
-    comparison: Comparison, stored: Mapping[str, object], found: Mapping[str, object]
+    comparison: Comparison, stored: Mapping[str, object], again: Mapping[str, object]
 ) -> dict[str, object]:
     return {
         "verdict": "disagrees" if comparison.sameness is Sameness.DIFFERENT else "agrees",
@@ -290,8 +288,8 @@ def _document(
             name: {part: _finite(number) for part, number in asdict(difference).items()}
             for name, difference in comparison.differences.items()
         },
-        "stored": {name: stored.get(name) for name in _TOLD},
-        "found": {name: found.get(name) for name in _TOLD},
+        "stored": {name: stored.get(name) for name in _REPORTED},
+        "found": {name: again.get(name) for name in _REPORTED},
     }
 
 

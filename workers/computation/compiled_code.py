@@ -43,7 +43,7 @@ logger = logging.getLogger(__name__)
 
 
 LIBRARIES = ("numpy", "scipy", "numba", "python-flint")
-HIDING = ("NPY_DISABLE_CPU_FEATURES", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "GLIBC_TUNABLES")
+HIDING_VARIABLES = ("NPY_DISABLE_CPU_FEATURES", "NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "GLIBC_TUNABLES")
 """Environment variables that hide features of the processor from a library."""
 
 
@@ -55,7 +55,7 @@ def processor() -> str:
     library of the platform and the compiler do not say what they found.
     """
     # NPY_DISABLE_CPU_FEATURES is seen in what is found.
-    hidden = [f"{name}={os.environ[name]}" for name in HIDING[1:] if os.environ.get(name)]
+    hidden = [f"{name}={os.environ[name]}" for name in HIDING_VARIABLES[1:] if os.environ.get(name)]
     features = np.show_config(mode="dicts")["SIMD Extensions"].get("found", [])
     kernels = _matrix_kernels()
     return " ".join([platform.machine(), *features, *([f"BLAS:{kernels}"] if kernels else []), *hidden])
@@ -88,8 +88,8 @@ def _matrix_kernels() -> str | None:
         return None
     name = library.scipy_openblas_get_corename64_
     name.restype = ctypes.c_char_p
-    found = name()
-    return found.decode("ascii") if isinstance(found, bytes) else None
+    core = name()
+    return core.decode("ascii") if isinstance(core, bytes) else None
 
 
 @cache
@@ -118,7 +118,7 @@ UNUSED_SECONDS = 30 * 86400.0
 
 _PACKAGE = compiled.__name__
 _IMPORTS = re.compile(rb"^from (" + re.escape(_PACKAGE).encode() + rb"[\w.]*) import ", re.MULTILINE)
-_PLAIN = (bool, int, float, complex, str, bytes, tuple, np.ndarray, np.generic, np.dtype)
+_FROZEN_TYPES = (bool, int, float, complex, str, bytes, tuple, np.ndarray, np.generic, np.dtype)
 """Types of what kernels freeze."""
 
 
@@ -159,10 +159,10 @@ class KernelCode:
             a setting fixes the way. Else no group has it, and nobody would ever compile it.
         """
         file = self._file(kind, types, context)
-        found = None if file is None else file.load("code")
-        if found is None and kind == "entry" and not _Compiling.is_allowed:
+        code = None if file is None else file.load("code")
+        if code is None and kind == "entry" and not _Compiling.is_allowed:
             self._tell_missing(types)
-        return found
+        return code
 
     def _tell_missing(self, types: object) -> None:
         if fixed_way() is not None or not is_ready(*GROUPS):
@@ -190,11 +190,11 @@ class KernelCode:
             return None
         module = self._function.__module__
         # Not before the first call: a module that is still being loaded has not all of its values.
-        place = folder / f"{module.removeprefix(_PACKAGE + '.')}-{stamp(module)}"
+        stem = folder / f"{module.removeprefix(_PACKAGE + '.')}-{stamp(module)}"
         key = _digest([sys.implementation.cache_tag, repr(types), repr(context.codegen().magic_tuple())])
         # Written by rename, so that nobody reads half of it, and one file for one key: nothing is rewritten.
         return _numba("caching").IndexDataCacheFile(
-            str(place), f"{self._function.__qualname__}-{key}-{kind}", place.name
+            str(stem), f"{self._function.__qualname__}-{key}-{kind}", stem.name
         )
 
 
@@ -212,24 +212,26 @@ def stamp(module: str) -> str:
     """
     parts = [version_of(each) for each in ("numba", "llvmlite", "numpy")]
     for name in sorted(reached(module)):
-        found = importlib.import_module(name)
+        loaded = importlib.import_module(name)
         parts += [name, hashlib.sha256(_source(name)).hexdigest()]
-        values = {key: value for key, value in vars(found).items() if not key.startswith("__")}
+        values = {key: value for key, value in vars(loaded).items() if not key.startswith("__")}
         parts += [
-            f"{key}={_told(value)}" for key, value in sorted(values.items()) if isinstance(value, _PLAIN)
+            f"{key}={_told(value)}"
+            for key, value in sorted(values.items())
+            if isinstance(value, _FROZEN_TYPES)
         ]
     return _digest(parts)
 
 
 def reached(module: str) -> frozenset[str]:
     """Return the modules of kernels whose sources are part of a module's code, itself among them."""
-    found, left = set[str](), [module]
+    names, left = set[str](), [module]
     while left:
         name = left.pop()
-        if name not in found:
-            found.add(name)
+        if name not in names:
+            names.add(name)
             left += [each.decode() for each in _IMPORTS.findall(_source(name))]
-    return frozenset(found)
+    return frozenset(names)
 
 
 @cache
@@ -315,13 +317,13 @@ def _here() -> str:
 
 def take_shipped_code() -> None:
     """Copy into the folder what it lacks of the code that the package of ``make compiled-wheel`` ships."""
-    found, folder = importlib.util.find_spec("polhode_compiled"), own_folder()
-    if found is None or folder is None:
+    spec, folder = importlib.util.find_spec("polhode_compiled"), own_folder()
+    if spec is None or folder is None:
         return
-    for place in found.submodule_search_locations or ():
+    for package in spec.submodule_search_locations or ():
         # What says that a group is complete comes last, and nothing is seen by half.
-        for source in [*Path(place).rglob("*.nb[ci]"), *Path(place).rglob("ready-*")]:
-            target = folder / source.relative_to(Path(place, "compiled"))
+        for source in [*Path(package).rglob("*.nb[ci]"), *Path(package).rglob("ready-*")]:
+            target = folder / source.relative_to(Path(package, "compiled"))
             if not target.exists():
                 target.parent.mkdir(mode=0o700, exist_ok=True)
                 part = target.with_name(f"{target.name}.{os.getpid()}")

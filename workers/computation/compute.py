@@ -46,7 +46,7 @@ from workers.computation.compiled_code import (
     way_for,
     why_no_folder,
 )
-from workers.computation.outputs import InUnits, errors_of, find_out, in_units, require_promise
+from workers.computation.outputs import InUnits, compute_outputs, errors_of, in_units, require_promise
 from workers.computation.summary import summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
@@ -172,12 +172,12 @@ def _solve_in(
         solved, proven, enclosures = certified_samples(posed, solved)
         certified, enclosures = units.certified(proven), units.enclosures(enclosures)
     motion = _require_finite(units.motion(solved), problem.tolerance)
-    findings = find_out(problem, motion, InUnits(units, posed, solved))
+    outputs = compute_outputs(problem, motion, InUnits(units, posed, solved))
     # The orientation is more columns on the same pieces.
-    attitude = None if findings.orientation is None else findings.orientation.dense
+    attitude = None if outputs.orientation is None else outputs.orientation.dense
     errors = errors_of(motion, attitude)
     require_promise(problem.accuracy, errors)
-    summary = summarise(document, problem, motion, findings, certified, errors)
+    summary = summarise(document, problem, motion, outputs, certified, errors)
     dense = motion.dense if attitude is None else attitude
     columns = _columns(problem, motion, dense)
     columns |= {name: part for name, part in enclosures.items() if name.partition(".")[0] in columns}
@@ -288,10 +288,10 @@ def _columns(problem: Problem, motion: Motion, dense: DenseOutput) -> dict[str, 
     if not problem.wants_series:
         return {}
     series = {name: motion.samples[:, COLUMNS.index(name)] for name in columns_of(problem.outputs)}
-    return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.rests)}
+    return {"t": motion.times, **series, **orientation_columns(dense, motion.times, motion.low_parts)}
 
 
-CHECKED_TOLERANCE = 1e-9
+CROSS_CHECK_TOLERANCE = 1e-9
 """Tolerance of the function of time that is stored beside the enclosures, where a cross-check wants it."""
 
 
@@ -301,7 +301,7 @@ def beside_enclosures(problem: Problem) -> Accuracy:
     Its error is reported separately and never blocks the enclosures; only a cross-check
     needs it to be small.
     """
-    return Accuracy(CHECKED_TOLERANCE if problem.method == "both" else float("inf"), "certified")
+    return Accuracy(CROSS_CHECK_TOLERANCE if problem.method == "both" else float("inf"), "certified")
 
 
 def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certified, dict[str, FloatArray]]:
@@ -316,12 +316,12 @@ def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certifi
     """
     if not isinstance(problem.motion, PlanarMotion):
         raise DynamicsError("the certified tier is for planar motions", pointer="/accuracy/tier")
-    found = _certify(problem, motion)
+    enclosed = _certify(problem, motion)
     parts = parts_for(problem.accuracy.bits)
-    rows = [[split(ball, parts) for ball in state] for state in found.states]
+    rows = [[split(ball, parts) for ball in state] for state in enclosed.states]
     first = np.array([[doubles[0] for doubles, _ in row] for row in rows])
-    proven = replace(_with_samples(problem, motion, found, first), conventions=found.conventions)
-    return proven, found, {**_enclosed_columns(rows, parts), **_times(found, motion, parts)}
+    proven = replace(_with_samples(problem, motion, enclosed, first), conventions=enclosed.conventions)
+    return proven, enclosed, {**_enclosed_columns(rows, parts), **_times(enclosed, motion, parts)}
 
 
 def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
@@ -338,21 +338,21 @@ def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
     if is_within(motion.error, problem.tolerance) and is_known(motion.dense.period, problem.tolerance):
         return motion
     try:
-        found = _certify(problem, motion)
+        enclosed = _certify(problem, motion)
     except CertifiedUnavailableError:
         require_period_known(motion.dense.period, problem.tolerance)
         raise AccuracyNotMetError(motion.error, problem.tolerance) from None
     if not is_known(motion.dense.period, problem.tolerance):
         # The function of time is one of wrong times: no two values of a variable differ by more than this.
         wrong = 2.0 * float(np.abs(motion.dense.coefficients).sum(axis=1).max(initial=0.0))
-        dense = replace(motion.dense, period=_rounded(found.period), error=motion.dense.error + wrong)
+        dense = replace(motion.dense, period=_rounded(enclosed.period), error=motion.dense.error + wrong)
         motion = replace(motion, dense=dense)
         require_period_known(dense.period, problem.tolerance)
-    rounded = np.array([[float(ball.mid()) for ball in state] for state in found.states])
-    proven = _with_samples(problem, motion, found, rounded)
+    rounded = np.array([[float(ball.mid()) for ball in state] for state in enclosed.states])
+    proven = _with_samples(problem, motion, enclosed, rounded)
     if not is_within(proven.error, problem.tolerance):
         raise AccuracyNotMetError(min(motion.error, proven.error), problem.tolerance)
-    return replace(proven, enclosed_by=found.method)
+    return replace(proven, enclosed_by=enclosed.method)
 
 
 def _certify(problem: Problem, motion: Motion) -> Certified:
@@ -376,12 +376,12 @@ def _rounded(period: arb) -> Period:
     return Period(hi, lo, float(abs(period - arb(hi) - arb(lo)).abs_upper()))
 
 
-def _with_samples(problem: Problem, motion: Motion, found: Certified, samples: FloatArray) -> Motion:
+def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples: FloatArray) -> Motion:
     """Return ``motion`` with ``samples``, and how far these are from the truth, or from its integrals."""
     error = largest(
         (
             _error(ball, double)
-            for state, row in zip(found.states, samples.tolist(), strict=True)
+            for state, row in zip(enclosed.states, samples.tolist(), strict=True)
             for ball, double in zip(state, row, strict=True)
         ),
     )
@@ -398,10 +398,10 @@ def _enclosed_columns(rows: list[list[tuple[list[float], float]]], parts: int) -
     return columns
 
 
-def _times(found: Certified, motion: Motion, parts: int) -> dict[str, FloatArray]:
+def _times(enclosed: Certified, motion: Motion, parts: int) -> dict[str, FloatArray]:
     """Return what the doubles leave of the exact times, as columns that go with ``t``; none if nothing."""
     with ctx.workprec(JOIN_BITS):
-        left = [at - arb(t) for at, t in zip(found.times, motion.times.tolist(), strict=True)]
+        left = [at - arb(t) for at, t in zip(enclosed.times, motion.times.tolist(), strict=True)]
     if all(ball == 0 for ball in left):
         return {}
     rows = [split(ball, parts - 1) for ball in left]

@@ -50,11 +50,11 @@ from workers.solvers.units import Units, speed_of, speed_of_state
 from workers.solvers.ways import is_plain
 
 LAME_BITS = 128
-DOUBLES = ("draft", "standard")
+TIERS_IN_DOUBLES = ("draft", "standard")
 """Compiled tiers whose promise doubles keep for the outputs too."""
-FINER = 0.5
+ATTITUDE_ERROR_SHARE = 0.5
 """Share of the error that a motion may have for its attitude, which is asked of a second one."""
-ZERO_AREAS = 1e-12
+ZERO_AREAS_SHARE = 1e-12
 """|I3| below this share of the angular momentum counts as zero: that is its rounding."""
 
 
@@ -68,7 +68,7 @@ class FurtherDrift:
 
 
 @dataclass(frozen=True, slots=True)
-class Findings:
+class Outputs:
     """Each is None, or empty, unless it was asked for."""
 
     drifts: Drifts | None
@@ -92,7 +92,7 @@ class InUnits:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def find_out(problem: Problem, motion: Motion, solved: InUnits) -> Findings:
+def compute_outputs(problem: Problem, motion: Motion, solved: InUnits) -> Outputs:
     """Return what the problem's outputs ask for; raises what the solvers of its parts raise.
 
     Integrals of numbers that are large enough are beyond doubles, and not told.
@@ -118,17 +118,17 @@ def find_out(problem: Problem, motion: Motion, solved: InUnits) -> Findings:
         notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
     if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
         try:
-            found = _stability(solved.problem, problem.motion, solved.motion)
-            stability = _finite(solved.units.stability(found))
+            assessed = _stability(solved.problem, problem.motion, solved.motion)
+            stability = _finite(solved.units.stability(assessed))
             closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
-    return Findings(drifts, further, orientation, stability, closed_trace, tuple(notices), relations)
+    return Outputs(drifts, further, orientation, stability, closed_trace, tuple(notices), relations)
 
 
 def takes_doubles(problem: Problem) -> bool:
     """Tell whether the outputs of a problem are tried in compiled doubles first, as its motion is."""
-    return compiled_tier(problem) in DOUBLES and not is_plain()
+    return compiled_tier(problem) in TIERS_IN_DOUBLES and not is_plain()
 
 
 def _orientation(problem: Problem, motion: Motion) -> Orientation:
@@ -141,21 +141,22 @@ def _orientation(problem: Problem, motion: Motion) -> Orientation:
     AccuracyNotMetError
         That of a finer motion does not keep it either.
     """
-    found = _attitude(problem, motion)
-    missed = _missed(problem, motion, found.dense)
+    orientation = _attitude(problem, motion)
+    missed = _missed(problem, motion, orientation.dense)
     if missed is None:
-        return found
+        return orientation
     # What the attitude makes of the errors of the variables is known by now.
     group = missed[1]
-    finer = FINER * motion.dense.error * problem.tolerance * max(1.0, group.size) / group.absolute
+    share = ATTITUDE_ERROR_SHARE * motion.dense.error * problem.tolerance
+    finer = share * max(1.0, group.size) / group.absolute
     finer = min(max(finer, float(SMALLEST_TOLERANCE)), problem.tolerance)
     with suppress(DynamicsError):
         other = find_motion(replace(problem, accuracy=replace(problem.accuracy, tolerance=finer)))
-        found = _attitude(problem, other)
-        missed = _missed(problem, motion, found.dense)
+        orientation = _attitude(problem, other)
+        missed = _missed(problem, motion, orientation.dense)
     if missed is not None:
         raise AccuracyNotMetError(missed[1].absolute, problem.tolerance, group=missed)
-    return found
+    return orientation
 
 
 def _missed(problem: Problem, motion: Motion, attitude: DenseOutput) -> tuple[str, GroupError] | None:
@@ -184,33 +185,39 @@ def _stability(problem: Problem, planar: PlanarMotion, motion: Motion) -> Stabil
         # The compiler is loaded only where it is needed.
         from workers.solvers.stability.by_doubles import stability_by_doubles  # noqa: PLC0415
 
-        found = stability_by_doubles(
+        stability = stability_by_doubles(
             problem.body, problem.potential, planar, motion.window, problem.tolerance
         )
-        if found is not None:
-            return found
+        if stability is not None:
+            return stability
     return with_enough_bits(problem, _assess)
 
 
-def _finite(found: Stability) -> Stability:
+def _finite(stability: Stability) -> Stability:
     """Return the stability if doubles have it; raises StabilityUndefinedError."""
-    numbers = found.trace, found.error, found.multipliers_error, found.exponent, found.exponent_error
+    numbers = (
+        stability.trace,
+        stability.error,
+        stability.multipliers_error,
+        stability.exponent,
+        stability.exponent_error,
+    )
     if not all(map(isfinite, numbers)):
         raise StabilityUndefinedError(
             "the multipliers, or their errors, are beyond all doubles", pointer="/outputs"
         )
-    return found
+    return stability
 
 
-def _assess(problem: Problem, found: Place) -> Stability:
-    if found.window.kind != "periodic":
+def _assess(problem: Problem, placed: Place) -> Stability:
+    if placed.window.kind != "periodic":
         raise StabilityUndefinedError(
-            f"multipliers belong to periodic motions, and this one is not periodic ({found.window.kind})",
+            f"multipliers belong to periodic motions, and this one is not periodic ({placed.window.kind})",
             pointer="/outputs",
         )
-    orbit = make_orbit(found.start)
+    orbit = make_orbit(placed.start)
     period = time_map_of(orbit).period
-    return assess_stability(problem.body, problem.potential, found.start, period, problem.tolerance)
+    return assess_stability(problem.body, problem.potential, placed.start, period, problem.tolerance)
 
 
 def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
@@ -229,8 +236,8 @@ def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
 def _further(problem: Problem, motion: Motion) -> tuple[FurtherDrift, ...]:
     planar = isinstance(problem.motion, PlanarMotion)
     sign = problem.motion.sign_of_g1 if isinstance(problem.motion, PlanarMotion) else None
-    found = find_further_integrals(problem.body, problem.potential, g1_sign=sign)
-    kept = (k for k in found if k.kind == "general" or planar or _has_zero_areas(problem, motion))
+    integrals = find_further_integrals(problem.body, problem.potential, g1_sign=sign)
+    kept = (k for k in integrals if k.kind == "general" or planar or _has_zero_areas(problem, motion))
     return tuple(FurtherDrift(k, *further_drift(k, motion.samples)) for k in kept)
 
 
@@ -238,12 +245,12 @@ def _has_zero_areas(problem: Problem, motion: Motion) -> bool:
     omega, gamma = motion.samples[:1, :3], motion.samples[:1, 3:]
     moments = [float(moment) for moment in (problem.body.A, problem.body.B or 0, problem.body.C)]
     momentum = float(np.linalg.norm(np.array(moments) * omega))
-    return abs(float(areas_integral(problem.body, omega, gamma)[0])) <= ZERO_AREAS * momentum
+    return abs(float(areas_integral(problem.body, omega, gamma)[0])) <= ZERO_AREAS_SHARE * momentum
 
 
 T = TypeVar("T")
 
-PLAIN = (AccuracyNotMetError, OwnUnitsNeededError)
+ERRORS_WITHOUT_TIMES = (AccuracyNotMetError, OwnUnitsNeededError)
 """Errors that tell no times: others would tell them in the units they were met in."""
 
 
@@ -260,8 +267,8 @@ def in_units(problem: Problem, solve: Callable[[Units], T]) -> T:
         return _in_own(problem, speed_of(problem), solve)
     try:
         return solve(Units())
-    except (*PLAIN, StepCollapseError) as missed:
-        if isinstance(missed, AccuracyNotMetError) and type(missed) not in PLAIN:
+    except (*ERRORS_WITHOUT_TIMES, StepCollapseError) as missed:
+        if isinstance(missed, AccuracyNotMetError) and type(missed) not in ERRORS_WITHOUT_TIMES:
             raise
         speed = missed.speed if isinstance(missed, OwnUnitsNeededError) else speed_of(problem)
         reached = missed.reached if isinstance(missed, AccuracyNotMetError) else inf
@@ -296,7 +303,7 @@ def _in_own(problem: Problem, speed: float, solve: Callable[[Units], T]) -> T:
     except DynamicsError as fault:
         if isinstance(fault, AccuracyNotMetError) and fault.group is not None:
             raise
-        if type(fault) in PLAIN and isinstance(fault, AccuracyNotMetError) and speed > 0.0:
+        if type(fault) in ERRORS_WITHOUT_TIMES and isinstance(fault, AccuracyNotMetError) and speed > 0.0:
             reached = fault.reached * max(1.0, units.quick)
             is_relative = accuracy.measure != "absolute"
             raise _of_both(reached, accuracy.tolerance, speed, is_relative=is_relative) from None
@@ -323,7 +330,7 @@ def errors_of(motion: Motion, attitude: DenseOutput | None) -> dict[str, GroupEr
 
 def errors_of_attitude(motion: Motion, attitude: DenseOutput) -> dict[str, GroupError]:
     """Return the errors of the quaternion and of each angle over the asked times, beside their sizes."""
-    columns = orientation_columns(attitude, motion.times, motion.rests)
+    columns = orientation_columns(attitude, motion.times, motion.low_parts)
     errors = orientation_errors(attitude, motion.times)
     groups = {"quaternion": QUATERNION, **{name: (name,) for name in PRECESSION if name in columns}}
     return {

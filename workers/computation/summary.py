@@ -33,7 +33,7 @@ from service.schemas.replies.summary import (
 from service.storage.codecs.summary import FIRST_PASSAGE, PROVEN_SAMPLES
 from service.versions import version_of
 from workers.computation.compiled_code import libraries, processor, threads
-from workers.computation.outputs import Findings
+from workers.computation.outputs import Outputs
 from workers.solvers.certified.certify import Certified
 from workers.solvers.orientation.advance import Precession
 from workers.solvers.stability.assessment import Stability
@@ -44,14 +44,14 @@ def summarise(
     document: Part,
     problem: Problem,
     motion: Motion,
-    findings: Findings,
+    outputs: Outputs,
     certified: Certified | None,
     errors: Mapping[str, GroupError],
 ) -> SolutionSummary:
     """Return the solution resource of the problem ``document`` without its ids and cost."""
-    window, orientation = motion.window, findings.orientation
+    window, orientation = motion.window, outputs.orientation
     precession = None if orientation is None else orientation.precession
-    invariants, beyond = _invariants(findings)
+    invariants, beyond = _invariants(outputs)
     return {
         "problem": document,
         "method": motion.method,
@@ -70,11 +70,11 @@ def summarise(
         "errors": {name: _group(error) for name, error in errors.items()},
         "cross_check": None if motion.cross_check is None else _cross_check(motion.cross_check),
         "stability": None
-        if findings.stability is None
-        else _stability(findings.stability, findings.closed_trace),
+        if outputs.stability is None
+        else _stability(outputs.stability, outputs.closed_trace),
         "precession": None if precession is None else _precession(precession),
         "conventions": motion.conventions,
-        "warnings": [_notice(notice) for notice in (*findings.notices, *beyond)],
+        "warnings": [_notice(notice) for notice in (*outputs.notices, *beyond)],
         "evidence": _evidence(problem, motion),
         "provenance": provenance(),
     }
@@ -147,21 +147,21 @@ def _enclosure(ball: arb) -> EnclosureSummary:
     return {"value": value, "radius": radius}
 
 
-def _invariants(findings: Findings) -> tuple[Mapping[str, IntegralSummary] | None, list[Notice]]:
+def _invariants(outputs: Outputs) -> tuple[Mapping[str, IntegralSummary] | None, list[Notice]]:
     """Return the integrals, and a warning that tells those whose numbers are beyond doubles."""
-    if findings.drifts is None:
+    if outputs.drifts is None:
         return None, []
-    found: dict[str, IntegralSummary] = {
-        name: {"drift": drift} for name, drift in asdict(findings.drifts).items()
+    integrals: dict[str, IntegralSummary] = {
+        name: {"drift": drift} for name, drift in asdict(outputs.drifts).items()
     }
-    for each in findings.further:
+    for each in outputs.further:
         kind = each.integral.kind
-        found[each.integral.name] = {"value": each.value, "drift": each.drift, "kind": kind}
-    found |= {f"relation: {name}": {"drift": drift} for name, drift in findings.relations.items()}
-    beyond = [name for name, numbers in found.items() if not _are_finite(numbers)]
-    told = {name: numbers for name, numbers in found.items() if name not in beyond}
+        integrals[each.integral.name] = {"value": each.value, "drift": each.drift, "kind": kind}
+    integrals |= {f"relation: {name}": {"drift": drift} for name, drift in outputs.relations.items()}
+    beyond = [name for name, numbers in integrals.items() if not _are_finite(numbers)]
+    finite = {name: numbers for name, numbers in integrals.items() if name not in beyond}
     text = f"left out, since doubles do not reach so far: {', '.join(beyond)}"
-    return told, [Notice("invariants_not_finite", text, "/outputs")] if beyond else []
+    return finite, [Notice("invariants_not_finite", text, "/outputs")] if beyond else []
 
 
 def _are_finite(numbers: IntegralSummary) -> bool:

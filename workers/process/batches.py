@@ -28,8 +28,8 @@ Call = tuple[Mapping[str, object], Sequence[object]]
 
 _BEGUN, _STOP = 0, 1
 """Places of the two bytes: the number of jobs that were begun, and whether no other one may be."""
-AHEAD = 8
-"""Least batch size with which next batches are claimed before there are places for them."""
+LEAST_SIZE_AHEAD = 8
+"""Least batch size with which next batches are claimed before there are free children for them."""
 
 
 class Ledger:
@@ -69,7 +69,7 @@ def compute_in_turn(
     end = time.monotonic() + seconds
     descriptor = os.open(path, os.O_RDWR)
     try:
-        for number, (fields, given) in enumerate(calls, start=1):
+        for number, (fields, arguments) in enumerate(calls, start=1):
             if outcomes and time.monotonic() > end:
                 break
             os.pwrite(descriptor, bytes([number]), _BEGUN)
@@ -77,7 +77,7 @@ def compute_in_turn(
                 break
             with about(**fields):
                 try:
-                    outcomes.append(compute(*given))
+                    outcomes.append(compute(*arguments))
                 except Exception as fault:
                     logger.debug("not computed in a batch: %r", fault)
                     outcomes.append(None)
@@ -90,11 +90,11 @@ class TakingTerms(TypedDict):
     """The terms on which further jobs are claimed."""
 
     lease_seconds: float
-    owed: Sequence[Lane]
+    starved: Sequence[Lane]
     together: int
 
 
-class Portions:
+class BatchSizes:
     """Numbers of jobs: those that a worker claims at a time, and those of them that one child gets."""
 
     def __init__(self, size: BatchSize, slots: int, lease_seconds: float) -> None:
@@ -103,26 +103,26 @@ class Portions:
         self._is_last = False
         """The queue had fewer jobs than were asked for, the last time."""
 
-    def terms(self, owed: Sequence[Lane], places: int = 1, waiting: int = 0) -> TakingTerms:
-        """Return the terms of taking jobs for some places, beside those that wait already.
+    def terms(self, starved: Sequence[Lane], children: int = 1, waiting: int = 0) -> TakingTerms:
+        """Return the terms of taking jobs for some free children, beside those that wait already.
 
         Of short ones also a batch for each child is taken, which waits until one has done its own.
         """
-        batches = places + (self._slots if self.size.most >= AHEAD else 0)
+        batches = children + (self._slots if self.size.most >= LEAST_SIZE_AHEAD else 0)
         return {
             "lease_seconds": self._lease_seconds,
-            "owed": owed,
-            "together": max(1, self.size.most * batches // places - waiting),
+            "starved": starved,
+            "together": max(1, self.size.most * batches // children - waiting),
         }
 
-    def note(self, taken: int, asked: TakingTerms) -> None:
+    def note(self, claimed: int, terms: TakingTerms) -> None:
         """Note how many problems were taken on some terms."""
-        self._is_last = taken < asked["together"]
+        self._is_last = claimed < terms["together"]
 
     def share(self, number: int) -> int:
         """Return how many of so many problems a child gets: the last ones of a queue are shared out."""
         most = self.size.most
-        return min(most, max(AHEAD, -(-number // self._slots))) if self._is_last else most
+        return min(most, max(LEAST_SIZE_AHEAD, -(-number // self._slots))) if self._is_last else most
 
 
 class Waiting:
@@ -178,8 +178,8 @@ class ChildRun:
 
     claims: tuple[Claim, ...]
     """In the order in which they are computed."""
-    owed: tuple[Lane, ...]
-    """Lanes whose jobs were taken out of order, since they were owed one."""
+    starved: tuple[Lane, ...]
+    """Lanes whose jobs were taken out of order, since they were starved one."""
     future: Future[Any]
     ledger: Ledger | None
     """The ledger of a batch; None for a job that is alone."""
@@ -227,15 +227,15 @@ class ChildRun:
             self.ledger.close()
 
 
-def shared_out(claims: Sequence[Claim], places: int) -> Iterator[tuple[Claim, ...]]:
-    """Return what each place gets: a chunk or an atlas has one to itself, problems share the rest.
+def shared_out(claims: Sequence[Claim], children: int) -> Iterator[tuple[Claim, ...]]:
+    """Return what each child gets: a chunk or an atlas has one to itself, problems share the rest.
 
     A problem that is to be computed alone has one to itself too.
     """
     problems, others = may_share(claims)
     yield from ((claim,) for claim in others)
-    left = max(1, places - len(others))
-    yield from (tuple(problems[place::left]) for place in range(min(left, len(problems))))
+    left = max(1, children - len(others))
+    yield from (tuple(problems[start::left]) for start in range(min(left, len(problems))))
 
 
 def may_share(claims: Sequence[Claim]) -> tuple[list[Claim], list[Claim]]:

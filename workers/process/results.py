@@ -96,23 +96,23 @@ class Results:
     ) -> ClaimedJobs | None:
         """Store the result of one job, or why it has none, and take others by the same commit.
 
-        None if none were asked for: those of a job without a result are taken by nobody.
+        None if none were asked for: those of a job without a result are claimed by nobody.
         """
         try:
-            kept, taken = self._store.finish(claim, outcome_of(), then_take=then_take, **terms)
+            kept, claimed = self._store.finish(claim, outcome_of(), then_take=then_take, **terms)
         except (Exception, CancelledError) as fault:
             self.record(claim, fault)
             return None
         if not kept:
             _tell_too_late(claim)
-        return taken if then_take else None
+        return claimed if then_take else None
 
     def store_all(
         self, ended: Sequence[tuple[Claim, SolveOutcome]], then_take: int, terms: TakingTerms
     ) -> ClaimedJobs | None:
         """Store the results of a batch, and take others by the same commit; None as in :meth:`store`."""
         try:
-            held, taken = self._store.finish_problems(ended, then_take=then_take, **terms)
+            held, claimed = self._store.finish_problems(ended, then_take=then_take, **terms)
         except Exception as fault:
             if is_away(fault):
                 raise
@@ -123,7 +123,7 @@ class Results:
         for claim, _ in ended:
             if claim.job_id not in held:
                 _tell_too_late(claim)
-        return taken if then_take else None
+        return claimed if then_take else None
 
     def record(self, claim: Claim, fault: BaseException, *, has_begun: bool = True) -> None:
         """Write why an attempt has no result."""

@@ -19,10 +19,10 @@ from service.jobs.store import JobStore
 from service.logs import about, call_about
 from service.sandbox import Sandbox, SandboxCrashError, SandboxTimeoutError, result_of
 from workers.process.batches import (
+    BatchSizes,
     Call,
     ChildRun,
     Ledger,
-    Portions,
     Waiting,
     compute_in_turn,
     may_share,
@@ -92,7 +92,7 @@ class Runner:
         """When a child last began something, or a job last began to wait."""
         self._leases = Leases(store, limits.lease_seconds)
         self._results = Results(store, limits, outlook)
-        self._portions = Portions(BatchSize(), slots, limits.lease_seconds)
+        self._batch_sizes = BatchSizes(BatchSize(), slots, limits.lease_seconds)
         self._shares = LaneShares(random.random())
         self._is_dry = False
         """Nothing was left in the queue when results were stored, a moment ago."""
@@ -107,17 +107,17 @@ class Runner:
         """Take jobs for the free slots; return the ids of those that are solved already."""
         finished: list[str] = []
         if self._is_dry and not self._waiting:
-            # What is queued since then rings the bell or is found by the next poll.
+            # What is queued since then wakes the loop, or is found by the next poll.
             self._is_dry = False
             return finished
         while (free := self._free()) > 0:
             if self._waiting:
                 self._start(self._next_waiting())
                 continue
-            owed = self._shares.owed()[:free]
-            taken = self._store.take(self._name, free, **self._portions.terms(owed, free))
-            finished += self._begin(taken, owed, free)
-            if taken == ClaimedJobs():
+            starved = self._shares.starved()[:free]
+            claimed = self._store.take(self._name, free, **self._batch_sizes.terms(starved, free))
+            finished += self._begin(claimed, starved, free)
+            if claimed == ClaimedJobs():
                 break
         return finished
 
@@ -136,17 +136,17 @@ class Runner:
                 self._start(self._next_waiting())
             # Removed only after the commit: during an outage of the database the results are kept here.
             then_take = int(refill and not run.is_followed and not self._waiting)
-            owed = self._shares.owed()[:then_take]
+            starved = self._shares.starved()[:then_take]
             if run.ledger is None:
-                taken = self._finish_alone(run, then_take, owed)
+                claimed = self._finish_alone(run, then_take, starved)
             else:
-                taken = self._finish_batch(run, then_take, owed)
-            self._is_dry = taken == ClaimedJobs()
+                claimed = self._finish_batch(run, then_take, starved)
+            self._is_dry = claimed == ClaimedJobs()
             self._remove(run)
             waiting = {claim.job_id for claim in self._waiting}
             finished += (claim.job_id for claim in run.claims if claim.job_id not in waiting)
-            if taken is not None and taken != ClaimedJobs():
-                finished += self._begin(taken, owed, 1)
+            if claimed is not None and claimed != ClaimedJobs():
+                finished += self._begin(claimed, starved, 1)
         return finished
 
     def keep_leases(self) -> None:
@@ -185,10 +185,6 @@ class Runner:
         for job_id in self._store.reconcile(**self._limits.retries()):
             self._is_dry = False
             logger.warning("job %s: its worker is gone", job_id, extra={"fields": {"job": job_id}})
-        repaired = self._store.repair()
-        if repaired:
-            self._is_dry = False
-            logger.warning("%d deliveries were lost; delivered again", repaired)
         self._reconcile_at = time.monotonic() + RECONCILE_SECONDS
 
     def give_back(self) -> None:
@@ -229,7 +225,7 @@ class Runner:
         """Return how many children have nothing to do; one may have been given another call already."""
         return self._slots - sum(not run.is_followed for run in self._runs)
 
-    def _start(self, claims: tuple[Claim, ...], owed: Sequence[Lane] = ()) -> None:
+    def _start(self, claims: tuple[Claim, ...], starved: Sequence[Lane] = ()) -> None:
         compute = self._computations[claims[0].kind]
         seconds = self._limits.job_seconds
         ledger = None if len(claims) == 1 else Ledger()
@@ -245,7 +241,7 @@ class Runner:
                 compute_in_turn, ledger.path, BATCH_SECONDS, compute, calls, seconds=seconds + BATCH_SECONDS
             )
         now = self._waits_since = time.monotonic()
-        run = ChildRun(claims, tuple(owed), future, ledger, now, now + START_SECONDS)
+        run = ChildRun(claims, tuple(starved), future, ledger, now, now + START_SECONDS)
         self._runs.append(run)
         self._leases.begin(claims)
         for claim in claims:
@@ -266,7 +262,7 @@ class Runner:
         run.close()
         seconds = (time.monotonic() - run.began_at) / len(run.claims)
         for claim in run.claims:
-            self._shares.end(claim.lane, seconds, was_owed=claim.lane in run.owed)
+            self._shares.end(claim.lane, seconds, was_starved=claim.lane in run.starved)
         waiting = {claim.job_id for claim in self._waiting}
         for claim in run.claims:
             if claim.job_id not in waiting:
@@ -276,28 +272,28 @@ class Runner:
         self._leases.forget(claim)
         self._waiting.forget(claim.job_id)
 
-    def _begin(self, taken: ClaimedJobs, owed: Sequence[Lane], places: int) -> tuple[str, ...]:
-        """Start the jobs to compute; return the ids of those solved already. ``owed`` lanes came first.
+    def _begin(self, claimed: ClaimedJobs, starved: Sequence[Lane], children: int) -> tuple[str, ...]:
+        """Start the jobs to compute; return the ids of those solved already. ``starved`` lanes came first.
 
-        Problems beyond a batch for each place wait.
+        Problems beyond a batch for each child wait.
         """
-        problems, others = may_share(taken.claims)
-        self._portions.note(len(problems), self._portions.terms(owed, places, len(self._waiting)))
+        problems, others = may_share(claimed.claims)
+        self._batch_sizes.note(len(problems), self._batch_sizes.terms(starved, children, len(self._waiting)))
         if self._waiting and not others:
             self._wait(problems)
-            self._start(self._next_waiting(), owed)
+            self._start(self._next_waiting(), starved)
         else:
-            now = places * self._portions.share(len(problems))
-            for claims in shared_out([*others, *problems[:now]], places):
-                self._start(claims, owed)
+            now = children * self._batch_sizes.share(len(problems))
+            for claims in shared_out([*others, *problems[:now]], children):
+                self._start(claims, starved)
             self._wait(problems[now:])
-        for lane in owed:
-            if all(claim.lane is not lane for claim in taken.claims):
+        for lane in starved:
+            if all(claim.lane is not lane for claim in claimed.claims):
                 self._shares.forget(lane)
-        return taken.reused
+        return claimed.reused
 
     def _next_waiting(self) -> tuple[Claim, ...]:
-        return self._waiting.next(self._portions.share(len(self._waiting)))
+        return self._waiting.next(self._batch_sizes.share(len(self._waiting)))
 
     def _drop(self, run: ChildRun) -> None:
         """Kill a child that computes what nobody waits for; its other jobs are computed again."""
@@ -309,25 +305,25 @@ class Runner:
         """Queue the jobs again that wait behind a long one of their batch: others may compute them."""
         assert run.ledger is not None
         begun = run.ledger.stop()
-        self._portions.size.reset()
+        self._batch_sizes.size.reset()
         self._is_dry = False
         behind = run.claims[begun:]
         self._store.give_back_all([claim for claim in behind if claim.job_id not in run.lost], _SLOW)
         run.claims = run.claims[:begun]
         for claim in behind:
             self._forget(claim)
-            self._shares.end(claim.lane, 0.0, was_owed=claim.lane in run.owed)
+            self._shares.end(claim.lane, 0.0, was_starved=claim.lane in run.starved)
 
-    def _finish_alone(self, run: ChildRun, then_take: int, owed: Sequence[Lane]) -> ClaimedJobs | None:
+    def _finish_alone(self, run: ChildRun, then_take: int, starved: Sequence[Lane]) -> ClaimedJobs | None:
         (claim,) = run.claims
         with about(**fields_of(claim)):
             if claim.kind is JobKind.SOLVE:
-                self._portions.size.learn(1, (run.ended_at or time.monotonic()) - run.began_at)
+                self._batch_sizes.size.learn(1, (run.ended_at or time.monotonic()) - run.began_at)
             return self._results.store(
-                claim, lambda: result_of(run.future), then_take, self._portions.terms(owed)
+                claim, lambda: result_of(run.future), then_take, self._batch_sizes.terms(starved)
             )
 
-    def _finish_batch(self, run: ChildRun, then_take: int, owed: Sequence[Lane]) -> ClaimedJobs | None:
+    def _finish_batch(self, run: ChildRun, then_take: int, starved: Sequence[Lane]) -> ClaimedJobs | None:
         try:
             outcomes: list[SolveOutcome | None] = result_of(run.future)
         except (Exception, CancelledError) as fault:
@@ -338,17 +334,17 @@ class Runner:
         done = {claim.job_id for claim, _ in ended}
         again = [claim for claim in run.held if claim.job_id not in done]
         suspects = [c for c, o in zip(run.claims, outcomes, strict=False) if o is None]
-        taken = None
+        claimed = None
         if ended:
-            terms = self._portions.terms(owed, waiting=len(again))
-            taken = self._results.store_all(ended, 0 if suspects else then_take, terms)
+            terms = self._batch_sizes.terms(starved, waiting=len(again))
+            claimed = self._results.store_all(ended, 0 if suspects else then_take, terms)
         self._waiting.suspect(suspects)
         self._wait(again)
         if suspects:
-            self._portions.size.reset()
+            self._batch_sizes.size.reset()
         elif outcomes:
-            self._portions.size.learn(len(outcomes), (run.ended_at or time.monotonic()) - run.began_at)
-        return taken
+            self._batch_sizes.size.learn(len(outcomes), (run.ended_at or time.monotonic()) - run.began_at)
+        return claimed
 
     def _break_up(self, run: ChildRun, fault: BaseException) -> None:
         """Blame the job that its child was computing, and compute the others of the batch again."""
@@ -361,7 +357,7 @@ class Runner:
         again = [claim for claim in run.held if claim not in blamed]
         if not is_known:
             self._waiting.suspect(again)
-        self._portions.size.reset()
+        self._batch_sizes.size.reset()
         self._wait(again)
 
 

@@ -29,7 +29,7 @@ from contextlib import suppress
 from functools import partial
 
 from service.jobs.kernels import KERNELS, Kernels
-from service.local.wakeup import WorkerLine
+from service.local.wakeup import WorkerSocket
 from service.local.worker_process import worker_command
 from service.sandbox import (
     Sandbox,
@@ -46,9 +46,9 @@ from workers.process.tasks import Call, WarmUp, WorkerTasks
 logger = logging.getLogger(__name__)
 
 
-TELL_SECONDS = 10.0
+PROGRESS_LOG_SECONDS = 10.0
 """How often the log tells how far it is."""
-_LOOK_SECONDS = 0.2
+_POLL_SECONDS = 0.2
 _TRIES = 3
 _NOT_STARTED = 127
 """As a shell has it."""
@@ -139,7 +139,7 @@ class Compiling:
         for reader in readers:
             reader.start()
         while task.poll() is None and not should_stop():
-            time.sleep(_LOOK_SECONDS)
+            time.sleep(_POLL_SECONDS)
         if task.returncode is None or task.returncode < 0:
             # Killed alone it leaves its second process behind, which has our pipes, too.
             with suppress(ProcessLookupError):
@@ -153,17 +153,17 @@ class Compiling:
         return code, " ".join(said[-1:]).strip()
 
     def _read(self, task: "subprocess.Popen[str]") -> None:
-        told_at = -TELL_SECONDS
+        told_at = -PROGRESS_LOG_SECONDS
         for line in task.stdout or ():
             with suppress(ValueError, TypeError):
                 self.kernels = Kernels.read(json.loads(line))
-                if time.monotonic() >= told_at + TELL_SECONDS:
+                if time.monotonic() >= told_at + PROGRESS_LOG_SECONDS:
                     told_at = time.monotonic()
                     logger.info("%s", self.kernels)
                     self._wake()
 
 
-LIMIT_SECONDS = 120.0
+WARM_UP_SECONDS = 120.0
 """Loading everything takes some seconds, more on a busy machine; nothing is compiled here."""
 
 _QUEUE_SECONDS = 5.0
@@ -248,9 +248,9 @@ class Warming:
 
     def _tells(self, is_compiled: Callable[[], bool]) -> bool:
         """Tell whether some child says so; one that cannot say anything does not."""
-        told = list[bool]()
-        _at_once([lambda: told.append(self._sandbox.run(is_compiled, seconds=LIMIT_SECONDS))])
-        return any(told)
+        answers = list[bool]()
+        _at_once([lambda: answers.append(self._sandbox.run(is_compiled, seconds=WARM_UP_SECONDS))])
+        return any(answers)
 
     def _in_every_child(self, call: Call) -> list[str]:
         # Each goes to the child with the fewest calls: if all are queued before one ends, each gets one.
@@ -261,18 +261,18 @@ class Warming:
                 are_queued.wait(_QUEUE_SECONDS)
             are_queued.abort()  # a call that is repeated waits for nobody
 
-        warm_one = partial(self._sandbox.run, call, seconds=LIMIT_SECONDS, submitted=wait_for_others)
+        warm_one = partial(self._sandbox.run, call, seconds=WARM_UP_SECONDS, submitted=wait_for_others)
         return _at_once([warm_one] * self._slots)
 
     def _in_new_children(self, order: Call | None, call: Call) -> list[str]:
-        faults = [] if order is None else _at_once([lambda: self._sandbox.run(order, seconds=LIMIT_SECONDS)])
-        return faults + _at_once([partial(self._replace, k, call) for k in range(self._slots)])
+        ordering = [] if order is None else [lambda: self._sandbox.run(order, seconds=WARM_UP_SECONDS)]
+        return _at_once(ordering) + _at_once([partial(self._replace, k, call) for k in range(self._slots)])
 
     def _replace(self, slot: int, call: Call) -> None:
         try:
-            self._sandbox.replace(slot, call, seconds=LIMIT_SECONDS)
+            self._sandbox.replace(slot, call, seconds=WARM_UP_SECONDS)
         except SandboxCrashError:  # perhaps killed from outside
-            self._sandbox.replace(slot, call, seconds=LIMIT_SECONDS)
+            self._sandbox.replace(slot, call, seconds=WARM_UP_SECONDS)
 
 
 def _at_once(calls: list[Call]) -> list[str]:
@@ -293,7 +293,7 @@ def _note_fault(call: Call, faults: list[str]) -> None:
     try:
         call()
     except SandboxTimeoutError:
-        faults.append(f"not finished after {LIMIT_SECONDS:g} s")
+        faults.append(f"not finished after {WARM_UP_SECONDS:g} s")
     except SandboxMemoryError:
         faults.append("more memory needed than one job may take")
     except SandboxCrashError as fault:
@@ -307,7 +307,8 @@ def _note_fault(call: Call, faults: list[str]) -> None:
 def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: int | None) -> None:
     """Run one worker in this process until SIGTERM, SIGINT, or the end of the service that started it.
 
-    ``wake_fd`` is the descriptor of a wake-up socket from :class:`service.local.wakeup.Doorbell`. With one,
+    ``wake_fd`` is the descriptor of a wake-up socket from
+    :class:`service.local.wakeup.WakeUpSocket`. With one,
     the children start and warm up while the service still migrates the database.
 
     Raises
@@ -319,7 +320,7 @@ def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: i
     """
     use_one_thread()
     modules = [*(computation.__module__ for computation in tasks.computations.values()), *tasks.preload]
-    line = None if wake_fd is None else WorkerLine(wake_fd)
+    service = None if wake_fd is None else WorkerSocket(wake_fd)
     sandbox = Sandbox(slots, memory_mb=settings.job_memory_mb, preload=modules)
     waker = Waker()
     # From here on the end needs a clean-up.
@@ -332,25 +333,25 @@ def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: i
             from workers.process.worker import Equipment, use_database  # noqa: PLC0415
 
             keep_what_is_loaded()
-            if line is None or _is_database_ready(line, waker, stop):
+            if service is None or _is_database_ready(service, waker, stop):
                 warming.go_on()
-                equipment = Equipment(sandbox, warming, waker, line, stop)
+                equipment = Equipment(sandbox, warming, waker, service, stop)
                 use_database(tasks.computations, settings, slots, equipment)
         finally:
             sandbox.close()
-            if line is not None:
-                line.close()
+            if service is not None:
+                service.close()
             waker.close()
 
 
-def _is_database_ready(line: WorkerLine, waker: Waker, stop: StopAsked) -> bool:
+def _is_database_ready(service: WorkerSocket, waker: Waker, stop: StopAsked) -> bool:
     """Wait for the first message of the service; False if the end comes before."""
     with selectors.PollSelector() as selector:
-        for bell in (line, waker):
-            selector.register(bell, selectors.EVENT_READ)
+        for source in (service, waker):
+            selector.register(source, selectors.EVENT_READ)
         while not stop.is_asked:
             heard = [key.fileobj for key, _ in selector.select()]
-            if line in heard:
-                return line.is_open()
+            if service in heard:
+                return service.is_open()
             waker.clear()
     return False

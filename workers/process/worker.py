@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.jobs.kernels import Kernels, Outlook
-from service.local.wakeup import WARM, WorkerLine
+from service.local.wakeup import WARM, WorkerSocket
 from service.local.worker_process import WorkerProcess, new_worker_name, this_host
 from service.logs import Complaints, about
 from service.sandbox import Sandbox
@@ -22,7 +22,6 @@ from service.settings import Settings
 from service.stopping import StopAsked
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
-from service.storage.jobs.dispatching import dispatcher_of
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import WorkerRegistry
 from workers.process.results import JobLimits
@@ -30,7 +29,7 @@ from workers.process.runner import WATCH_SECONDS, Computations, Runner
 from workers.process.start import Waker, Warming
 
 if TYPE_CHECKING:
-    from workers.process.procrastinate import Notifications
+    from workers.process.notifications import Notifications
 
 logger = logging.getLogger(__name__)
 
@@ -119,7 +118,7 @@ class EngineLoop:
         The runner of jobs, and the worker's presence row.
     waker
         The runner's ``wake``.
-    line
+    service
         The wake-up socket of the service that started this worker, if any. When it closes, the loop stops.
     announcements
         Notifications of delivered jobs, if the engine has them.
@@ -141,7 +140,7 @@ class EngineLoop:
         presence: Presence,
         waker: Waker,
         *,
-        line: WorkerLine | None,
+        service: WorkerSocket | None,
         announcements: Announcements | None,
         takes_jobs: Callable[[], bool],
         is_warm: Callable[[], bool],
@@ -152,7 +151,7 @@ class EngineLoop:
         self._runner = runner
         self._presence = presence
         self._waker = waker
-        self._line = line
+        self._service = service
         self._announcements = announcements
         self._takes_jobs = takes_jobs
         self._is_warm = is_warm
@@ -211,8 +210,8 @@ class EngineLoop:
         is_warm = self._is_warm()
         takes_jobs = self._takes_jobs()
         self._presence.keep(is_warm=is_warm, kernels=self._kernels())
-        if is_warm and not self._has_told and self._line is not None:
-            self._line.tell(WARM)
+        if is_warm and not self._has_told and self._service is not None:
+            self._service.tell(WARM)
         self._has_told = is_warm
         if self._stop_by is None:
             if takes_jobs and self._announcements is not None:
@@ -223,9 +222,9 @@ class EngineLoop:
                 self._tell(self._runner.fill())
 
     def _tell(self, finished: list[str]) -> None:
-        if self._line is not None:
+        if self._service is not None:
             for job_id in finished:
-                self._line.tell(job_id)
+                self._service.tell(job_id)
 
     def _is_over(self) -> bool:
         if self._stop_by is None:
@@ -239,17 +238,17 @@ class EngineLoop:
         if self._runner.is_busy:
             timeout = min(timeout, WATCH_SECONDS)
         with selectors.PollSelector() as selector:
-            for bell in (self._waker, self._line, self._announcements):
-                if bell is not None and bell.fileno() >= 0:
-                    selector.register(bell, selectors.EVENT_READ)
+            for source in (self._waker, self._service, self._announcements):
+                if source is not None and source.fileno() >= 0:
+                    selector.register(source, selectors.EVENT_READ)
             heard = [key.fileobj for key, _ in selector.select(timeout)]
         if self._waker in heard:
             self._waker.clear()
         if self._announcements in heard and self._announcements is not None:
             self._announcements.clear()
-        if self._line in heard and self._line is not None and not self._line.is_open():
+        if self._service in heard and self._service is not None and not self._service.is_open():
             logger.info("the service has ended, stopping")
-            self._line.close()
+            self._service.close()
             self.stop()
 
 
@@ -264,7 +263,7 @@ class Equipment:
     sandbox: Sandbox
     warming: Warming
     waker: Waker
-    line: WorkerLine | None
+    service: WorkerSocket | None
     stop: StopAsked
 
 
@@ -278,7 +277,7 @@ def use_database(computations: Computations, settings: Settings, slots: int, equ
     """
     host = settings.host_name or this_host()
     worker = WorkerProcess(new_worker_name(host), host, settings.engine, slots)
-    database = Database(settings.database_url)
+    database = Database(settings.database_url, announces_jobs=settings.engine == "postgres")
     registry = WorkerRegistry(database, lease_seconds=settings.lease_seconds)
     seconds = min(settings.lease_seconds, PRESENT_SECONDS)
     presence = Presence(registry, worker, seconds=seconds, alone=settings.engine == "local")
@@ -306,7 +305,7 @@ def _loop(
         retry_seconds=settings.retry_seconds,
     )
     runner = Runner(
-        SqlJobStore(database, dispatcher_of(settings)),
+        SqlJobStore(database),
         equipment.sandbox,
         computations,
         name=worker.name,
@@ -315,12 +314,12 @@ def _loop(
         wake=equipment.waker,
         outlook=presence.outlook,
     )
-    notifications = _notifications(database) if settings.engine == "procrastinate" else None
+    notifications = _notifications(database) if database.announces_jobs else None
     loop = EngineLoop(
         runner,
         presence,
         equipment.waker,
-        line=equipment.line,
+        service=equipment.service,
         announcements=notifications,
         takes_jobs=equipment.warming.may_take_jobs,
         is_warm=equipment.warming.is_over,
@@ -338,6 +337,6 @@ def _loop(
 
 
 def _notifications(database: Database) -> "Notifications":
-    from workers.process.procrastinate import Notifications  # noqa: PLC0415
+    from workers.process.notifications import Notifications  # noqa: PLC0415
 
     return Notifications(database.engine)

@@ -324,5 +324,5 @@ def _integrate(
         gamma,
         times.doubles,
         tolerance=problem.tolerance,
-        rests=times.rests,
+        low_parts=times.low_parts,
     )

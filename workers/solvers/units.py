@@ -134,7 +134,7 @@ class Units:
             motion,
             dense=self.dense(motion.dense),
             times=motion.times * slow,
-            rests=None if motion.rests is None else motion.rests * slow,
+            low_parts=None if motion.low_parts is None else motion.low_parts * slow,
             samples=motion.samples * self.of_columns(COLUMNS),
             error=motion.error * max(1.0, quick),
             unit=quick,

@@ -20,14 +20,14 @@ from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from service.verdicts.cached import ResultCache
 from workers.computation.compiled_code import GROUPS, keep_compiled_code, way_for
 from workers.solvers.ways import NotReadyError, Way, on_way
-from workers.sweeping.plan import FEW, Plan, make_plan, plan_moving
+from workers.sweeping.plan import FEW, Plan, make_plan, plan_varying
 
 if TYPE_CHECKING:
     from workers.sweeping.planar.block import BlockSolver
     from workers.sweeping.planar.records import SolvedBlock
     from workers.sweeping.slices import SlicedSolver
     from workers.sweeping.states import StateSolver
-    from workers.sweeping.varying_body.block import MovingSolver
+    from workers.sweeping.varying_body.block import VaryingSolver
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -95,15 +95,15 @@ def _refused(sweep: Sweep, code: str) -> SweepPoint:
     return SweepPoint(code, [np.nan] * len(sweep.keep), {})
 
 
-ENOUGH_SECONDS = 2.0
+MOST_CHUNK_SECONDS = 2.0
 """Seconds after which a chunk ends with the points it has."""
 BLOCK_POINTS = 256
-MOST_VERDICTS = 1000
+MOST_CACHED_VERDICTS = 1000
 """Number of verdicts of points solved one by one, after which all are forgotten."""
-BLOCK_NUMBERS = 400_000
+MOST_SERIES_NUMBERS = 400_000
 """Numbers of a block's series at most."""
 
-LARGE_SLICE = 100
+OWN_PLAN_POINTS = 100
 """Points from which on a plan for those with the same body and exponents is cheaper than one for each."""
 
 _NOTHING = np.empty(0)
@@ -132,7 +132,7 @@ def compute_chunk(document_json: str) -> ChunkOutcome:
     try:
         with on_way(way):
             solver = _solver_of(sweep, way, waits=document.get("waits") is True)
-            points = solver.solve(document["first"], document["count"], began + ENOUGH_SECONDS)
+            points = solver.solve(document["first"], document["count"], began + MOST_CHUNK_SECONDS)
     except NotReadyError as fault:
         raise NeedsKernelsError from fault
     return chunk_outcome(points, time.perf_counter() - began)
@@ -143,16 +143,16 @@ class ChunkSolver:
 
     def __init__(self, plan: Plan, way: Way = "compiled", *, waits: bool = False) -> None:
         self._plan, self._way, self._waits = plan, way, waits
-        self._blocks: BlockSolver | MovingSolver | SlicedSolver | StateSolver | None = None
+        self._blocks: BlockSolver | VaryingSolver | SlicedSolver | StateSolver | None = None
         self._slices: SlicedSolver | None = None
         if way == "plain":
             pass
-        elif plan.quick is not None:
+        elif plan.compiled is not None:
             keep_compiled_code()
             # The compiler is loaded only where it is needed.
             from workers.sweeping.planar import block  # noqa: PLC0415
 
-            self._blocks = block.BlockSolver(plan.sweep, plan.quick)
+            self._blocks = block.BlockSolver(plan.sweep, plan.compiled)
         elif plan.states:
             keep_compiled_code()
             from workers.sweeping import states  # noqa: PLC0415
@@ -163,47 +163,48 @@ class ChunkSolver:
             from workers.sweeping import slices  # noqa: PLC0415
             from workers.sweeping.varying_body import block as varying  # noqa: PLC0415
 
-            data = plan_moving(plan.sweep)
-            outer = slices.outer_axes(plan.sweep, 1 if data is None else LARGE_SLICE)
+            data = plan_varying(plan.sweep)
+            outer = slices.outer_axes(plan.sweep, 1 if data is None else OWN_PLAN_POINTS)
             if outer is not None:
                 self._blocks = self._slices = slices.SlicedSolver(plan.sweep, outer)
             elif data is not None:
-                self._blocks = varying.MovingSolver(plan.sweep, data)
+                self._blocks = varying.VaryingSolver(plan.sweep, data)
         self._compared = set[str]()
         self._verdicts, self._judged = ResultCache({}), 0
 
     def solve(self, first: int, count: int, until: float) -> ChunkPoints:
         """Solve points in turn until ``time.perf_counter()`` is ``until``, at least one."""
-        found = _Chunk(self._plan.sweep, count)
-        while found.count < count and (not found.count or time.perf_counter() < until):
-            start = first + found.count
-            size = min(self._block_points, count - found.count)
+        chunk = _Chunk(self._plan.sweep, count)
+        while chunk.count < count and (not chunk.count or time.perf_counter() < until):
+            start = first + chunk.count
+            size = min(self._block_points, count - chunk.count)
             if self._slices is not None:
                 size = self._slices.points_together(start, size)
-            if not self._solve_block(found, start, size, until):
+            if not self._solve_block(chunk, start, size, until):
                 break
-        return found.points()
+        return chunk.points()
 
     @property
     def _block_points(self) -> int:
         sweep = self._plan.sweep
         if self._blocks is None:
             return 1
-        return max(1, min(BLOCK_POINTS, BLOCK_NUMBERS // max(sweep.samples * len(sweep.series_columns), 1)))
+        numbers_of_point = max(sweep.samples * len(sweep.series_columns), 1)
+        return max(1, min(BLOCK_POINTS, MOST_SERIES_NUMBERS // numbers_of_point))
 
-    def _solve_block(self, found: "_Chunk", first: int, count: int, until: float) -> bool:
+    def _solve_block(self, chunk: "_Chunk", first: int, count: int, until: float) -> bool:
         """Add a block to the results; False if time was up before its end."""
         open_points = np.ones(count, dtype=np.bool_)
         block = None if self._blocks is None else self._checked(self._blocks.solve(first, count), first)
         if block is not None:
-            found.add_block(block, count)
+            chunk.add_block(block, count)
             open_points = block.is_open
-        for place in np.flatnonzero(open_points).tolist():
-            if (found.count or place) and time.perf_counter() >= until:
-                found.count += place
+        for index in np.flatnonzero(open_points).tolist():
+            if (chunk.count or index) and time.perf_counter() >= until:
+                chunk.count += index
                 return False
-            found.set_point(found.count + place, self._alone(first + place))
-        found.count += count
+            chunk.set_point(chunk.count + index, self._alone(first + index))
+        chunk.count += count
         return True
 
     def _checked(self, block: "SolvedBlock", first: int) -> "SolvedBlock | None":
@@ -214,25 +215,25 @@ class ChunkSolver:
         for outcome, points in ((SOLVED, block.solved), *block.refused.items()):
             if outcome in self._compared or not points.any():
                 continue
-            place = int(np.flatnonzero(points)[0])
-            if not self._is_the_same(block, place, outcome, self._alone(first + place)):
+            index = int(np.flatnonzero(points)[0])
+            if not self._is_the_same(block, index, outcome, self._alone(first + index)):
                 self._blocks = None
                 return None
             self._compared.add(outcome)
         return block
 
-    def _is_the_same(self, block: "SolvedBlock", place: int, outcome: str, alone: SweepPoint) -> bool:
+    def _is_the_same(self, block: "SolvedBlock", index: int, outcome: str, alone: SweepPoint) -> bool:
         if alone.outcome != outcome or outcome != SOLVED:
             return alone.outcome == outcome
         return all(
-            np.array_equal(block.numbers[name][place], number, equal_nan=True)
+            np.array_equal(block.numbers[name][index], number, equal_nan=True)
             for name, number in zip(self._plan.sweep.keep, alone.numbers, strict=True)
-        ) and all(np.array_equal(rows[place], alone.series[name]) for name, rows in block.series.items())
+        ) and all(np.array_equal(rows[index], alone.series[name]) for name, rows in block.series.items())
 
     def _alone(self, index: int) -> SweepPoint:
         slices = self._slices
         is_judged = self._plan.is_judged or (slices is not None and slices.is_judged(index))
-        if not self._judged % MOST_VERDICTS:
+        if not self._judged % MOST_CACHED_VERDICTS:
             self._verdicts = ResultCache({})
         self._judged += 1
         return solve_point(
@@ -246,7 +247,7 @@ class ChunkSolver:
 
 
 def _may_be_cut(plan: Plan) -> bool:
-    """Tell whether parts of a sweep may be quick where all of it is not."""
+    """Tell whether parts of a sweep may go in blocks where all of it may not."""
     is_planar = isinstance(plan.sweep.first_problem.motion, PlanarMotion)
     return is_planar and (not plan.is_judged or any(axis.path in FEW for axis in plan.sweep.axes))
 
@@ -268,18 +269,18 @@ class _Chunk:
         for name, rows in block.series.items():
             self._series[name][here] = np.where(block.solved[:, None], rows, np.nan)
         for code, points in block.refused.items():
-            for place in np.flatnonzero(points).tolist():
-                self._outcomes[self.count + place] = code
+            for index in np.flatnonzero(points).tolist():
+                self._outcomes[self.count + index] = code
 
-    def set_point(self, place: int, point: SweepPoint) -> None:
+    def set_point(self, index: int, point: SweepPoint) -> None:
         """Set the columns of one point."""
-        self._outcomes[place] = point.outcome
+        self._outcomes[index] = point.outcome
         for name, number in zip(self._numbers, point.numbers, strict=True):
-            self._numbers[name][place] = number
+            self._numbers[name][index] = number
         for name, row in self._series.items():
             samples = point.series.get(name, _NOTHING)
             # A motion that ends has only the samples before.
-            row[place, : len(samples)], row[place, len(samples) :] = samples, np.nan
+            row[index, : len(samples)], row[index, len(samples) :] = samples, np.nan
 
     def points(self) -> ChunkPoints:
         """Return the columns filled so far."""

@@ -15,15 +15,15 @@ from service.schemas.sweep.sweep import Sweep
 from service.storage.codecs.packing import ChunkPoints, decode_points
 from workers.sweeping.chunk import compute_chunk
 
-LOOK_SECONDS = 0.1
+STOP_CHECK_SECONDS = 0.1
 """How often to check whether to stop."""
-AHEAD = 16
+WAITING_CHUNKS_PER_CHILD = 16
 """Chunks for each child that may wait for an earlier one."""
-QUEUED = 2
+QUEUED_CHUNKS_PER_CHILD = 2
 """Submitted chunks for each child, so that no child is ever idle."""
 
 
-class Crew:
+class LocalPool:
     """Computes a sweep chunk by chunk.
 
     Parameters
@@ -79,18 +79,18 @@ class Crew:
                 yield from self._handed_out(in_order=False)
                 return
             self._send()
-            wait(self._under_way, timeout=LOOK_SECONDS, return_when=FIRST_COMPLETED)
+            wait(self._under_way, timeout=STOP_CHECK_SECONDS, return_when=FIRST_COMPLETED)
             self._collect()
             yield None
             yield from self._handed_out(in_order=True)
 
     def missing(self) -> list[Range]:
         """Return the points that were not yielded."""
-        gaps, place = list[Range](), 0
+        gaps, index = list[Range](), 0
         for each in [*sorted(self.done, key=lambda done: done.first), Range(self._sweep.points, 0)]:
-            if each.first > place:
-                gaps.append(Range(place, each.first - place))
-            place = max(place, each.first + each.count)
+            if each.first > index:
+                gaps.append(Range(index, each.first - index))
+            index = max(index, each.first + each.count)
         return gaps
 
     def _handed_out(self, *, in_order: bool) -> Iterator[tuple[int, ChunkPoints]]:
@@ -101,10 +101,11 @@ class Crew:
             yield first, points
 
     def _send(self) -> None:
-        while len(self._under_way) < QUEUED * self._workers and (chunk := self._next_chunk()):
-            place = {"first": chunk.first, "count": chunk.count}
-            asked = {"sweep": self._document, "way": self._way, **place}
-            future = self._sandbox.submit(compute_chunk, json.dumps(asked), seconds=self._seconds)
+        most = QUEUED_CHUNKS_PER_CHILD * self._workers
+        while len(self._under_way) < most and (chunk := self._next_chunk()):
+            part = {"first": chunk.first, "count": chunk.count}
+            request = {"sweep": self._document, "way": self._way, **part}
+            future = self._sandbox.submit(compute_chunk, json.dumps(request), seconds=self._seconds)
             self._under_way[future] = chunk
 
     def _next_chunk(self) -> Range | None:
@@ -112,7 +113,7 @@ class Crew:
         if self._rests:
             return Range(*heapq.heappop(self._rests))
         left = self._sweep.points - self._next
-        if not left or len(self._ready) > AHEAD * self._workers:
+        if not left or len(self._ready) > WAITING_CHUNKS_PER_CHILD * self._workers:
             return None
         if self._point_seconds is None:
             size = min(PILOT_POINTS, self._most, left)

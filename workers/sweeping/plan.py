@@ -30,11 +30,11 @@ from workers.sweeping.parameters.family import (
     smooth_poles,
 )
 from workers.sweeping.planar.outputs import keeps_further
-from workers.sweeping.planar.records import Quick, Side
+from workers.sweeping.planar.records import CompiledPlan, Side
 
 if TYPE_CHECKING:
     from workers.sweeping.planar.by_roots import RationalFamily
-    from workers.sweeping.varying_body.block import Moving
+    from workers.sweeping.varying_body.block import VaryingPlan
 
 _CURVE_FIELDS = ("lambda", "nu")
 FEW = (
@@ -47,7 +47,7 @@ FEW = (
 """Numbers that have few values."""
 _TIME_FIELDS = ("start", "stop", "periods")
 _START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
-MOST_CORNERS = 16
+CHECKED_CORNERS = 16
 """Points of a sweep whose formulas are looked at before blocks are planned."""
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
 _BY_DOUBLES = {"orientation", "stability"}
@@ -61,7 +61,7 @@ class Plan:
     sweep: Sweep
     is_judged: bool
     """All potentials of the sweep are proved admissible at once."""
-    quick: Quick | None
+    compiled: CompiledPlan | None
     """None if the points are solved one by one, or by :mod:`.states`."""
     states: bool = False
     """Whether they are motions from any state that kernels solve."""
@@ -80,35 +80,35 @@ def make_plan(sweep: Sweep) -> Plan:
     """
     problem, potential = sweep.first_problem, sweep.base["potential"]
     if are_states(sweep):
-        return Plan(sweep, is_judged=False, quick=None, states=True)
+        return Plan(sweep, is_judged=False, compiled=None, states=True)
     if not isinstance(problem.motion, PlanarMotion) or not isinstance(potential, dict):
-        return Plan(sweep, is_judged=False, quick=None)
+        return Plan(sweep, is_judged=False, compiled=None)
     if not _is_solved_as_stated(sweep):
-        return Plan(sweep, is_judged=False, quick=None)
+        return Plan(sweep, is_judged=False, compiled=None)
     moves_body = any(axis.path[0] == "body" for axis in sweep.axes if axis.path != _MOMENT)
     moves_body |= any(axis.path == _MOMENT for axis in sweep.axes) and has_symbol(potential, "B")
-    places = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
-    paths = tuple(sweep.axes[k].path[1:] for k in places)
-    first = [sweep.axes[k].axis.value(0) for k in places]
+    axes = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
+    paths = tuple(sweep.axes[k].path[1:] for k in axes)
+    first = [sweep.axes[k].axis.value(0) for k in axes]
     coefficients = None if moves_body else coefficients_of(problem.body, potential, paths, first)
     if coefficients is None:
-        return Plan(sweep, is_judged=False, quick=None)
+        return Plan(sweep, is_judged=False, compiled=None)
     family = prove_family(problem.body, coefficients.document, coefficients.paths)
     if family is None:
-        return Plan(sweep, is_judged=False, quick=None)
+        return Plan(sweep, is_judged=False, compiled=None)
     sides = _sides(sweep, problem, problem.motion, family)
-    if not _is_quick(sweep, problem) or sides is None:
-        return Plan(sweep, is_judged=True, quick=None)
+    if not _may_be_compiled(sweep, problem) or sides is None:
+        return Plan(sweep, is_judged=True, compiled=None)
     curve, start, moment = (
         next((k for k, axis in enumerate(sweep.axes) if is_it(axis)), None)
         for is_it in (_is_of_curve, _is_of_start, _is_of_moment)
     )
     poles = smooth_poles(problem.body, family, problem.motion)
-    quick = Quick(
+    compiled = CompiledPlan(
         problem,
         potential,
         paths,
-        places,
+        axes,
         coefficients,
         curve,
         start,
@@ -118,7 +118,7 @@ def make_plan(sweep: Sweep) -> Plan:
         family,
         poles,
     )
-    return Plan(sweep, is_judged=True, quick=quick)
+    return Plan(sweep, is_judged=True, compiled=compiled)
 
 
 def are_states(sweep: Sweep) -> bool:
@@ -135,21 +135,21 @@ def are_states(sweep: Sweep) -> bool:
         and problem.accuracy.budget_seconds is None
         and problem.accuracy.measure != "relative"
         and set(problem.outputs) <= _PLAIN_OUTPUTS - {"invariants"}
-        and all(place_in_state(axis.path) is not None or _is_of_potential(axis) for axis in sweep.axes)
+        and all(position_in_state(axis.path) is not None or _is_of_potential(axis) for axis in sweep.axes)
     )
 
 
-def place_in_state(path: Sequence[str]) -> int | None:
+def position_in_state(path: Sequence[str]) -> int | None:
     """Return which of p, q, r, g1, g2, g3, A, B, C an axis varies; None for what is none of them."""
     match path:
-        case ("motion", ("omega" | "gamma") as vector, ("0" | "1" | "2") as place):
-            return 3 * ("omega", "gamma").index(vector) + int(place)
+        case ("motion", ("omega" | "gamma") as vector, ("0" | "1" | "2") as index):
+            return 3 * ("omega", "gamma").index(vector) + int(index)
         case ("body", ("A" | "B" | "C") as moment):
             return 6 + "ABC".index(moment)
     return None
 
 
-def _is_quick(sweep: Sweep, problem: Problem, moments: Sequence[str] = ("B",)) -> bool:
+def _may_be_compiled(sweep: Sweep, problem: Problem, moments: Sequence[str] = ("B",)) -> bool:
     return (
         problem.method == "auto"
         and _are_quick(sweep, problem)
@@ -211,7 +211,7 @@ def _rational(problem: Problem, family: SweepFamily, motion: PlanarMotion) -> "R
 
 
 def _times(sweep: Sweep) -> dict[str, int]:
-    return {axis.path[1]: place for place, axis in enumerate(sweep.axes) if _is_of_time(axis)}
+    return {axis.path[1]: index for index, axis in enumerate(sweep.axes) if _is_of_time(axis)}
 
 
 def _is_of_time(axis: SweepAxis) -> bool:
@@ -254,8 +254,8 @@ def _is_solved_as_stated(sweep: Sweep) -> bool:
         steps = [prod(lengths[k + 1 :]) for k in range(len(lengths))]
         ends = [((0, length - 1) if moved else (0,)) for length, moved in zip(lengths, moves, strict=True)]
         corners = [
-            sum(place * step for place, step in zip(places, steps, strict=True))
-            for places in islice(product(*ends), MOST_CORNERS)
+            sum(at * step for at, step in zip(corner, steps, strict=True))
+            for corner in islice(product(*ends), CHECKED_CORNERS)
         ]
     for index in dict.fromkeys(corners if any(moves) else [0]):
         with suppress(DynamicsError, InvalidProblemError):
@@ -264,7 +264,7 @@ def _is_solved_as_stated(sweep: Sweep) -> bool:
     return True
 
 
-def plan_moving(sweep: Sweep) -> "Moving | None":
+def plan_varying(sweep: Sweep) -> "VaryingPlan | None":
     """Return how points are solved in blocks whose bodies or exponents differ; None if they are not.
 
     The sweep varies the moments, the potential's numbers, λ or nu, and g1 at the start; else it is like those
@@ -279,18 +279,18 @@ def plan_moving(sweep: Sweep) -> "Moving | None":
     moments = {axis.path[1]: k for k, axis in enumerate(sweep.axes) if axis.path[0] == "body"}
     keeps_integrals = any(name.startswith("invariants.") for name in sweep.keep)
     if (
-        not _is_quick(sweep, problem, tuple(moments))
+        not _may_be_compiled(sweep, problem, tuple(moments))
         or not set(problem.outputs) <= _PLAIN_OUTPUTS
         or keeps_integrals
         or not set(moments) <= {"A", "B", "C"}
     ):
         return None
     # The compiler is loaded only where it is needed.
-    from workers.sweeping.varying_body.block import Moving  # noqa: PLC0415
+    from workers.sweeping.varying_body.block import VaryingPlan  # noqa: PLC0415
     from workers.sweeping.varying_body.models import model_of  # noqa: PLC0415
 
-    places = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
-    paths = tuple(sweep.axes[k].path[1:] for k in places)
+    axes = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
+    paths = tuple(sweep.axes[k].path[1:] for k in axes)
     model = model_of(potential, paths, frozenset(moments))
     if model is None or not _is_solved_as_stated(sweep) or not _is_judged_alone(problem):
         return None
@@ -300,4 +300,6 @@ def plan_moving(sweep: Sweep) -> "Moving | None":
     )
     motions: dict[int, PlanarMotion] = {each.sign_of_g1: each for each in _motions(sweep, motion)}
     needs_double = motion.nu is not None or potential.get("type") == "rational"
-    return Moving(problem, tier, model, places, moments, curve, start, _times(sweep), motions, needs_double)
+    return VaryingPlan(
+        problem, tier, model, axes, moments, curve, start, _times(sweep), motions, needs_double
+    )

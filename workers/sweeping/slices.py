@@ -27,10 +27,10 @@ IntArray = NDArray[np.int64]
 
 
 _Numbers = tuple[Fraction, ...]
-KEPT_NUMBERS = 100_000
-KEPT_SLICES = 512
+MOST_CACHED_NUMBERS = 100_000
+MOST_CACHED_PLANS = 512
 """Plans at hand, for sweeps whose slices take turns."""
-NEW_SLICES = 8
+NEW_SLICES_PER_BLOCK = 8
 """New slices of one block at most: each needs a verdict, and a block ends before the time of its chunk
 does."""
 
@@ -59,7 +59,7 @@ class SlicedSolver:
     def points_together(self, first: int, most: int) -> int:
         """Return how many points from ``first`` on, at most ``most``, have not too many new slices."""
         new = [here[0] for outer, here, _ in self._parts(first, most) if outer not in self._slices]
-        return most if len(new) <= NEW_SLICES else int(new[NEW_SLICES])
+        return most if len(new) <= NEW_SLICES_PER_BLOCK else int(new[NEW_SLICES_PER_BLOCK])
 
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
@@ -96,23 +96,23 @@ class SlicedSolver:
             shape = tuple(self._lengths[k] for k in self._inner)
             inner = np.ravel_multi_index([at[k] for k in self._inner], shape) if shape else 0 * indices
         parts: dict[_Numbers, list[int]] = {}
-        for place, outer in enumerate(zip(*(at[k].tolist() for k in self._outer), strict=True)):
-            parts.setdefault(self._numbers(outer), []).append(place)
+        for index, outer in enumerate(zip(*(at[k].tolist() for k in self._outer), strict=True)):
+            parts.setdefault(self._numbers(outer), []).append(index)
         return [(outer, np.array(here), inner[here]) for outer, here in parts.items()]
 
     def _numbers(self, outer: Sequence[int]) -> _Numbers:
-        """Return the numbers at these places on the outer axes."""
-        for known, axis, place in zip(self._known, self._outer, outer, strict=True):
-            if place not in known:
-                if len(known) >= KEPT_NUMBERS:
+        """Return the numbers at these positions on the outer axes."""
+        for known, axis, index in zip(self._known, self._outer, outer, strict=True):
+            if index not in known:
+                if len(known) >= MOST_CACHED_NUMBERS:
                     known.clear()
-                known[place] = self._sweep.axes[axis].axis.value(place)
-        return tuple(known[place] for known, place in zip(self._known, outer, strict=True))
+                known[index] = self._sweep.axes[axis].axis.value(index)
+        return tuple(known[index] for known, index in zip(self._known, outer, strict=True))
 
     def _slice(self, outer: _Numbers) -> _Slice:
         found = self._slices.get(outer)
         if found is None:
-            if len(self._slices) >= KEPT_SLICES:
+            if len(self._slices) >= MOST_CACHED_PLANS:
                 self._slices.clear()
             found = self._slices[outer] = self._make_slice(outer)
         return found
@@ -122,7 +122,7 @@ class SlicedSolver:
         plan = None if sweep is None else make_plan(sweep)
         if plan is None:
             return _Slice(is_judged=False, blocks=None)
-        blocks = None if plan.quick is None else BlockSolver(plan.sweep, plan.quick)
+        blocks = None if plan.compiled is None else BlockSolver(plan.sweep, plan.compiled)
         return _Slice(plan.is_judged, blocks)
 
 
@@ -144,7 +144,7 @@ def outer_axes(sweep: Sweep, least: int = 1) -> tuple[int, ...] | None:
         ):
             continue
         first = slice_of(sweep, outer, [sweep.axes[k].axis.value(0) for k in outer]) if outer else None
-        if first is not None and make_plan(first).quick is not None:
+        if first is not None and make_plan(first).compiled is not None:
             return outer
     return None
 
@@ -161,9 +161,9 @@ def slice_of(sweep: Sweep, outer: Sequence[int], numbers: Sequence[Fraction]) ->
             return None
         # It has one point, which stands for all of them.
         axes, combine = (curve,), "grid"
-    found = replace(sweep, base=base, axes=axes, combine=combine)
+    inner = replace(sweep, base=base, axes=axes, combine=combine)
     try:
-        return replace(found, first_problem=read_problem(found.document(0)))
+        return replace(inner, first_problem=read_problem(inner.document(0)))
     except (DynamicsError, InvalidProblemError):
         return None
 

@@ -45,17 +45,22 @@ from workers.solvers.integration.programs import SharedGradient, shared_gradient
 from workers.solvers.integration.solve import run_request_of, tolerances
 from workers.sweeping.parameters.family import has_symbol
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
-from workers.sweeping.plan import place_in_state
+from workers.sweeping.plan import position_in_state
 from workers.sweeping.planar.records import SolvedBlock, printed_errors
 from workers.sweeping.varying_body.models import model_of
-from workers.sweeping.varying_body.templates import Key, Model, MomentsOfPoint, Template, shared_template
+from workers.sweeping.varying_body.templates import (
+    MOMENTS,
+    MOST_TEMPLATES,
+    Key,
+    Model,
+    MomentsOfPoint,
+    Template,
+    shared_template,
+)
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
-
-
-MOST_TEMPLATES = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +121,8 @@ class SharedModels:
         constants = shared.template.row(exact)
         if not shared.template.is_of(constants):
             return None
-        given = [None if number is None else Fraction(int(number.p), int(number.q)) for number in exact]
-        slopes, other = shared.own.constants(given), shared.other.constants(given)
+        fractions = [None if number is None else Fraction(int(number.p), int(number.q)) for number in exact]
+        slopes, other = shared.own.constants(fractions), shared.other.constants(fractions)
         if slopes is None or other is None:
             return None
         return PointConstants(shared, constants, slopes, other)
@@ -166,13 +171,12 @@ def _are_alike(one: SharedGradient, other: SharedGradient) -> bool:
     )
 
 
-MOST_SETTINGS = 64
+MOST_CACHED_INTEGRATORS = 64
 """Integrators of bodies and potentials that are kept at once."""
-MOST_VALUES = 2**17
+MOST_SAMPLE_VALUES = 2**17
 """Samples that are held beside those of the sweep: some 8 MB."""
-_MOMENTS = ("A", "B", "C")
 _TOLD = {"energy": 2, "energy.error": 3, "error": 0}
-"""Numbers that a sweep may keep, by their place among what is found; a general motion has no others."""
+"""Numbers that a sweep may keep, by their position among the results; a general motion has no others."""
 
 
 class StateSolver:
@@ -184,8 +188,8 @@ class StateSolver:
         self._sweep, self._problem = sweep, problem
         self._names = [name for name in sweep.series_columns if name != "t"]
         self._columns = [COLUMNS.index(name) for name in self._names]
-        self._places = [place_in_state(axis.path) for axis in sweep.axes]
-        self._moves_gamma = any(place in (3, 4, 5) for place in self._places)
+        self._positions = [position_in_state(axis.path) for axis in sweep.axes]
+        self._moves_gamma = any(index in (3, 4, 5) for index in self._positions)
         self._known = [listed_exactly(axis) for axis in sweep.axes]
         self._times = sample_times(problem.time, None)
         self._start = (*problem.motion.omega, *problem.motion.gamma)
@@ -193,7 +197,7 @@ class StateSolver:
         self._neighbours = np.array([neighbour_of(number) for number in self._start])
         potential = sweep.base["potential"]
         varies = any(axis.path[0] == "potential" for axis in sweep.axes)
-        has_moments = isinstance(potential, dict) and any(has_symbol(potential, name) for name in _MOMENTS)
+        has_moments = isinstance(potential, dict) and any(has_symbol(potential, name) for name in MOMENTS)
         self._reads = varies or has_moments or not isinstance(potential, dict)
         """Whether the potential of a point is read from its document."""
         self._shared = SharedModels.of(sweep, problem)
@@ -208,15 +212,15 @@ class StateSolver:
         numbers = {name: np.full(count, np.nan) for name in sweep.keep}
         series = {name: np.full((count, sweep.samples), np.nan) for name in sweep.series_columns}
         refused = {AccuracyNotMetError.code: missed, CollisionError.code: collided}
-        found = SolvedBlock(solved, refused, numbers, series)
+        block = SolvedBlock(solved, refused, numbers, series)
         states, neighbours, is_usable = self._starts(points)
         for group in self._groups(points, first, is_usable):
             rows = max(1, len(self._times.doubles)) if series else 1
-            portion = max(1, MOST_VALUES // rows)
-            for begin in range(0, len(group.places), portion):
+            portion = max(1, MOST_SAMPLE_VALUES // rows)
+            for begin in range(0, len(group.indices), portion):
                 part = group.part(begin, begin + portion)
-                self._solve_group(part, states[part.places], neighbours[part.places], found)
-        return found
+                self._solve_group(part, states[part.indices], neighbours[part.indices], block)
+        return block
 
     def _starts(self, points: SweptPoints) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return states, those that rounded numbers might as well have meant, and where they are states."""
@@ -224,114 +228,114 @@ class StateSolver:
         neighbours = np.tile(self._neighbours, (points.count, 1))
         # Numbers that documents may refuse are theirs to refuse.
         is_usable = are_numbers(points.doubles.T)
-        for axis, which in enumerate(self._places):
+        for axis, which in enumerate(self._positions):
             if which is not None and which < 6:
                 states[:, which] = points.doubles[axis]
                 neighbours[:, which] = [
-                    _neighbour(double, points.exact(axis, place))
-                    for place, double in enumerate(points.doubles[axis].tolist())
+                    _neighbour(double, points.exact(axis, index))
+                    for index, double in enumerate(points.doubles[axis].tolist())
                 ]
         if self._moves_gamma:
-            is_usable &= [self._is_unit(points, place) for place in range(points.count)]
+            is_usable &= [self._is_unit(points, index) for index in range(points.count)]
         # Quick motions are solved in units of their own.
         is_usable &= np.abs(states[:, :3]).max(axis=1) < QUICK_SPEED
         return states, neighbours, is_usable
 
-    def _is_unit(self, points: SweptPoints, place: int) -> bool:
+    def _is_unit(self, points: SweptPoints, index: int) -> bool:
         gamma = list(self._start[3:])
-        for axis, which in enumerate(self._places):
+        for axis, which in enumerate(self._positions):
             if which in (3, 4, 5):
-                gamma[which - 3] = _fraction(points.exact(axis, place))
+                gamma[which - 3] = _fraction(points.exact(axis, index))
         return is_unit(gamma)
 
     def _groups(self, points: SweptPoints, first: int, is_usable: BoolArray) -> "list[_Group]":
         """Return the usable points by the structure of what they are integrated with."""
-        places = np.flatnonzero(is_usable)
-        if all(which is not None and which < 6 for which in self._places):
-            integrator = self._integrator((), {}, first) if len(places) else None
+        indices = np.flatnonzero(is_usable)
+        if all(which is not None and which < 6 for which in self._positions):
+            integrator = self._integrator((), {}, first) if len(indices) else None
             if integrator is None or integrator.structure is None:
                 return []
-            return [_Group(places, np.zeros(len(places), dtype=np.int64), integrator.models)]
+            return [_Group(indices, np.zeros(len(indices), dtype=np.int64), integrator.models)]
         rows: dict[int, tuple[list[int], list[PointConstants]]] = {}
         others: dict[object, tuple[list[int], list[CompiledIntegrator]]] = {}
-        for place in places.tolist():
-            row = self._row(points, place)
+        for index in indices.tolist():
+            row = self._row(points, index)
             if row is not None:
                 members, known = rows.setdefault(id(row.shared), ([], []))
-                members.append(place)
+                members.append(index)
                 known.append(row)
                 continue
-            integrator = self._integrator_at(points, first, place)
+            integrator = self._integrator_at(points, first, index)
             if integrator is not None and integrator.structure is not None:
                 alike, integrators = others.setdefault(integrator.structure, ([], []))
-                alike.append(place)
+                alike.append(index)
                 integrators.append(integrator)
         groups = [_group(members, models_of(integrators)) for members, integrators in others.values()]
         if self._shared is not None:
             groups += [_group(members, self._shared.models(known)) for members, known in rows.values()]
         return groups
 
-    def _row(self, points: SweptPoints, place: int) -> PointConstants | None:
+    def _row(self, points: SweptPoints, index: int) -> PointConstants | None:
         """Return the constants of a point whose potential needs no document."""
         if self._shared is None:
             return None
-        axes = [axis for axis, which in enumerate(self._places) if which is None]
-        return self._shared.row([points.exact(axis, place) for axis in axes])
+        axes = [axis for axis, which in enumerate(self._positions) if which is None]
+        return self._shared.row([points.exact(axis, index) for axis in axes])
 
     def _solve_group(
         self, group: "_Group", states: FloatArray, neighbours: FloatArray, block: SolvedBlock
     ) -> None:
         series = block.series
         times = self._times.doubles if series else np.empty(0)
-        left = np.arange(len(group.places))
+        left = np.arange(len(group.indices))
         for local_tolerance in tolerances(CompiledIntegrator, self._problem.tolerance):
-            asked = self._run_request.asked(CompiledIntegrator, local_tolerance)
-            found = verified_runs(
+            request = self._run_request.asked(CompiledIntegrator, local_tolerance)
+            runs = verified_runs(
                 group.models,
                 group.which[left],
                 states[left],
                 neighbours[left],
                 self._run_request.check,
-                asked,
+                request,
                 times,
-                self._times.rests,
+                self._times.low_parts,
             )
-            is_held = found.endings == VERIFIED
-            places = group.places[left[is_held]]
-            block.solved[places] = True
-            numbers = {name: found.numbers[is_held, column] for name, column in _TOLD.items()}
+            is_held = runs.endings == VERIFIED
+            indices = group.indices[left[is_held]]
+            block.solved[indices] = True
+            numbers = {name: runs.numbers[is_held, column] for name, column in _TOLD.items()}
             numbers |= printed_errors(numbers, block.numbers)
             for name, column in block.numbers.items():
                 if name in _TOLD:
-                    column[places] = numbers[name]
+                    column[indices] = numbers[name]
             if series:
-                series["t"][places] = times
+                series["t"][indices] = times
                 for name, variable in zip(self._names, self._columns, strict=True):
-                    series[name][places] = found.samples[is_held, :, variable]
-            block.refused[CollisionError.code][group.places[left[found.endings == COLLIDED]]] = True
-            left = left[found.endings == INACCURATE]
+                    series[name][indices] = runs.samples[is_held, :, variable]
+            block.refused[CollisionError.code][group.indices[left[runs.endings == COLLIDED]]] = True
+            left = left[runs.endings == INACCURATE]
             if not len(left):
                 break
         if self._problem.accuracy.measure == "absolute":
             # Others may keep it in units of their own.
-            block.refused[AccuracyNotMetError.code][group.places[left]] = True
+            block.refused[AccuracyNotMetError.code][group.indices[left]] = True
 
-    def _integrator_at(self, points: SweptPoints, first: int, place: int) -> CompiledIntegrator | None:
+    def _integrator_at(self, points: SweptPoints, first: int, index: int) -> CompiledIntegrator | None:
         """Return that of a point's body and potential; None if there is none."""
         moments, exact = dict[str, Fraction](), list[Fraction]()
-        for axis, which in enumerate(self._places):
+        for axis, which in enumerate(self._positions):
             if which is None or which >= 6:
-                exact.append(_fraction(points.exact(axis, place)))
+                exact.append(_fraction(points.exact(axis, index)))
                 if which is not None:
-                    moments[_MOMENTS[which - 6]] = exact[-1]
-        return self._integrator(tuple(exact), moments, first + place)
+                    moments[MOMENTS[which - 6]] = exact[-1]
+        return self._integrator(tuple(exact), moments, first + index)
 
     def _integrator(
         self, exact: tuple[Fraction, ...], moments: Mapping[str, Fraction], index: int
     ) -> CompiledIntegrator | None:
         """Return that of a point's body and potential; None if there is none."""
         if exact not in self._settings:
-            if len(self._settings) >= MOST_SETTINGS:
+            if len(self._settings) >= MOST_CACHED_INTEGRATORS:
                 self._settings.clear()
             self._settings[exact] = self._new_integrator(moments, index)
         return self._settings[exact]
@@ -356,19 +360,19 @@ class StateSolver:
 class _Group:
     """Points whose motions go side by side."""
 
-    places: IntArray
+    indices: IntArray
     which: IntArray
     """The model of each."""
     models: Models
 
     def part(self, begin: int, end: int) -> "_Group":
         """Return some of the points."""
-        return _Group(self.places[begin:end], self.which[begin:end], self.models)
+        return _Group(self.indices[begin:end], self.which[begin:end], self.models)
 
 
-def _group(places: Sequence[int], models: Models) -> _Group:
+def _group(indices: Sequence[int], models: Models) -> _Group:
     """Return a group in which every point has a model of its own."""
-    return _Group(np.array(places), np.arange(len(places)), models)
+    return _Group(np.array(indices), np.arange(len(indices)), models)
 
 
 def _neighbour(double: float, exact: fmpq) -> float:

@@ -10,6 +10,7 @@ from service.api.replies.responses import json_response
 from service.csv_text import CRLF, data_lines, header_line
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.atlas.showing import INTEGERS, NUMBERS, atlas_columns, picture_of
+from service.schemas.reading.documents import Document
 
 Writer = Callable[[AtlasOut], Response]
 
@@ -32,7 +33,7 @@ def choose_format(accept: str | None) -> Writer:
     return respond
 
 
-def media_types() -> dict[str, object]:
+def media_types() -> Document:
     """Return the formats other than JSON, for the OpenAPI document."""
     binary = {"schema": {"type": "string", "format": "binary"}}
     return {name: binary for name in FORMATS if name != "application/json"}

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.jobs.records import SweepRecord
+from service.schemas.reading.documents import Document
 from service.versions import version_of
 
 ColumnKind = Literal["integer", "number", "word", "series"]
@@ -68,7 +69,7 @@ def units_of(columns: Iterable[str]) -> dict[str, str]:
     return {name: _UNITS[name] for name in columns if name in _UNITS}
 
 
-def metadata(about: Mapping[str, object]) -> dict[str, str]:
+def metadata(about: Document) -> dict[str, str]:
     """Return the metadata of a file: each value as JSON."""
     return {PREFIX + name: json.dumps(value, allow_nan=False) for name, value in about.items()}
 
@@ -86,7 +87,7 @@ def about_points(record: SweepRecord, columns: Sequence[str], series: Sequence[s
     )
 
 
-def provenance_of_points(record: SweepRecord) -> dict[str, object]:
+def provenance_of_points(record: SweepRecord) -> Document:
     """Return what computed the points, and how many there are."""
     return {
         "version": version_of("polhode"),

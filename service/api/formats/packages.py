@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from service.api.formats.columns import ColumnKind, Sink, units_of
+from service.schemas.reading.documents import Part
 
 POINTS, DOCUMENT, DESCRIPTOR = "points.parquet", "sweep.json", "datapackage.json"
 PROFILE = "https://datapackage.org/profiles/2.0/datapackage.json"
@@ -31,12 +32,12 @@ class Package:
 
     sweep: str
     """Its id."""
-    document: Mapping[str, object]
+    document: Part
     finished_at: datetime
     kinds: Mapping[str, ColumnKind]
     errors: Mapping[str, str]
     """For each column that has one, the column with the bounds of its errors."""
-    provenance: Mapping[str, object]
+    provenance: Part
 
 
 def package(about: Package, parquet: Iterable[bytes]) -> Iterator[bytes]:
@@ -98,7 +99,7 @@ class _Archive:
             }
         )
 
-    def _resource(self, name: str, path: str, format_name: str, media_type: str) -> dict[str, object]:
+    def _resource(self, name: str, path: str, format_name: str, media_type: str) -> Part:
         return {
             "name": name,
             "path": path,
@@ -122,5 +123,5 @@ def _fields(about: Package) -> Iterator[dict[str, object]]:
         yield described
 
 
-def _json(document: Mapping[str, object]) -> bytes:
+def _json(document: Part) -> bytes:
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False).encode() + b"\n"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from urllib.parse import quote
 
 from service.jobs.records import Attempt, AttemptOutcome
+from service.schemas.reading.documents import Part
 from service.schemas.replies.solution import ProvenanceGraphOut, Records
 from service.storage.solutions.origin import SolutionOrigin
 
@@ -102,7 +103,7 @@ def _examine(graph: _Graph, origin: SolutionOrigin, problem: str) -> str | None:
     return windows
 
 
-def _attempt(graph: _Graph, origin: SolutionOrigin, attempt: Attempt, versions: Mapping[str, object]) -> str:
+def _attempt(graph: _Graph, origin: SolutionOrigin, attempt: Attempt, versions: Part) -> str:
     activity = _name("job", origin.solution.job_id, "attempt", str(attempt.number))
     worker = _name("worker", attempt.worker)
     attributes: dict[str, object] = {
@@ -130,7 +131,7 @@ def _attempt(graph: _Graph, origin: SolutionOrigin, attempt: Attempt, versions: 
     return activity
 
 
-def _software(versions: Mapping[str, object]) -> Iterator[tuple[str, str]]:
+def _software(versions: Part) -> Iterator[tuple[str, str]]:
     """Yield the identifier and the name, with its version, of polhode and of each library."""
     named = [f"polhode {versions['version']}"] if "version" in versions else []
     if versions.get("libraries"):
@@ -139,7 +140,7 @@ def _software(versions: Mapping[str, object]) -> Iterator[tuple[str, str]]:
         yield _name("software", name), name
 
 
-def _relate(relations: Records, name: str, related: Mapping[str, object]) -> None:
+def _relate(relations: Records, name: str, related: Part) -> None:
     relations[f"_:{name}{len(relations) + 1}"] = dict(related)
 
 

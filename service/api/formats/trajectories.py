@@ -17,6 +17,7 @@ from service.api.replies.errors import ApiError
 from service.api.replies.responses import PiecedAnswer
 from service.csv_text import CRLF, data_lines, header_line
 from service.dynamics.solution.dense_output import DenseOutput
+from service.schemas.reading.documents import Document
 
 FloatArray = NDArray[np.float64]
 
@@ -46,9 +47,7 @@ class Trajectory:
         return sum(values.nbytes for values in self.columns.values())
 
 
-def write(
-    trajectory: Trajectory, media_type: str, headers: Mapping[str, str], about: Mapping[str, object]
-) -> Response:
+def write(trajectory: Trajectory, media_type: str, headers: Mapping[str, str], about: Document) -> Response:
     """Return the answer in one of our formats; ``about`` goes into the metadata of Parquet.
 
     Long text is made while it is sent.
@@ -70,7 +69,7 @@ def write(
     return Response(content, media_type=media_type, headers=own)
 
 
-def media_types() -> dict[str, object]:
+def media_types() -> Document:
     """Return the formats other than JSON, for the OpenAPI document."""
     binary = {"schema": {"type": "string", "format": "binary"}}
     return {name: binary for name in MEDIA_TYPES.values() if name != JSON}

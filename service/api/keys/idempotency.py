@@ -63,8 +63,8 @@ def given_answer(response: Response) -> GivenAnswer:
     return GivenAnswer(response.status_code, headers, bytes(response.body))
 
 
-class IdempotencyDesk:
-    """Gives answers again. Thread-safe.
+class IdempotencyGuard:
+    """Answers a request that is sent again with its first answer. Thread-safe.
 
     Requests at work are known in this process alone. If two processes get the same key at
     once, both work, and the database lets only one of them store anything: the other gives its answer.

@@ -142,7 +142,7 @@ def refusal_of(error: Exception) -> ApiError:
             detail = "the computation of the verdict crashed twice; a simpler formula may get one"
             return ApiError(unprocessable, "verdict_crashed", detail)
         case SearchTimeError():
-            detail = f"{error}; ?estimate=true tells which part of the query takes long"
+            detail = f"{error}; ?estimate=true shows which part of the query takes long"
             return ApiError(unprocessable, "query_time_limit", detail)
         case Exception() if is_away(error):
             detail = "the database cannot be reached at the moment; try again later"

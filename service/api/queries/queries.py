@@ -108,7 +108,7 @@ def refuse_if_any(faults: Sequence[Fault]) -> None:
         raise invalid_request(faults)
 
 
-def query_parameters(model: type[QueryModel], *needed: str) -> dict[str, object]:
+def query_parameters(model: type[QueryModel], *needed: str) -> dict[str, Any]:
     """Return the OpenAPI extension of an endpoint with the query ``model``; it refuses without ``needed``."""
     return {
         "parameters": [

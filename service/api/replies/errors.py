@@ -6,7 +6,7 @@ from http import HTTPStatus
 
 from fastapi import Response
 
-from service.schemas.reading.documents import Fault
+from service.schemas.reading.documents import Fault, Part
 
 MEDIA_TYPE = "application/problem+json"
 URN = "urn:polhode:problem:"
@@ -61,7 +61,7 @@ TITLES: Mapping[str, str] = {
     "host_not_local": "The host name is not a loopback name",
     "separatrix_undecided": "A separatrix, or a very long period",
     "several_windows": "There are several motions",
-    "essential_singularity": "p² is like no power beside a place",
+    "essential_singularity": "p² behaves like no power of the distance next to a point",
     "signs_unsettled": "It is undecided where motions exist",
     "start_needed": "A start must be given",
     "start_outside_window": "The motion does not pass the start",
@@ -95,14 +95,14 @@ class ApiError(Exception):
         detail: str,
         *,
         faults: Sequence[Fault] = (),
-        extras: Mapping[str, object] | None = None,
+        extras: Part | None = None,
         headers: Mapping[str, str] | None = None,
     ) -> None:
         super().__init__(detail)
         self.status, self.code, self.detail = status, code, detail
         self.faults, self.extras, self.headers = tuple(faults), dict(extras or {}), dict(headers or {})
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> Part:
         """Return the problem document."""
         document: dict[str, object] = {
             "type": URN + self.code,
@@ -117,15 +117,13 @@ class ApiError(Exception):
 
     def response(self, request_id: str | None = None) -> Response:
         """Return the answer; its request id finds the request in the log."""
-        document = self.document()
-        if request_id is not None:
-            document["request_id"] = request_id
+        document = self.document() if request_id is None else {**self.document(), "request_id": request_id}
         # Escaped to ASCII: half of a surrogate pair from a client cannot be encoded in UTF-8.
         content = json.dumps(document, allow_nan=False)
         return Response(content, status_code=self.status, media_type=MEDIA_TYPE, headers=self.headers)
 
 
-def _fault_document(fault: Fault) -> dict[str, object]:
+def _fault_document(fault: Fault) -> Part:
     document: dict[str, object] = {"pointer": fault.pointer, "code": fault.code, "message": fault.message}
     if fault.position is not None:
         document["position"] = fault.position

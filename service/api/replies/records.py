@@ -1,16 +1,15 @@
 """Jobs, solutions and sweeps as they are shown, wherever they are."""
 
-from collections.abc import Mapping
-
 from service.jobs.records import Job, JobKind, JobState, SweepProgress, SweepRecord
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Document
 from service.schemas.replies.job import JobOut
 from service.schemas.replies.solution import AuditOut, ComparisonOut, SolutionOut
 from service.schemas.replies.sweep import SweepOut, SweepStateOut
 from service.storage.solutions.audit_store import Audit
 from service.storage.solutions.solution_store import Solution
 
-_ADDED_LATER: Mapping[str, object] = {"asymptotes": None, "precession": None, "warnings": [], "errors": None}
+_ADDED_LATER: Document = {"asymptotes": None, "precession": None, "warnings": [], "errors": None}
 """Fields that solutions stored by the first version lack."""
 
 
@@ -27,8 +26,8 @@ def job_out(job: Job) -> JobOut:
         solution=job.solution_id,
         atlas=job.id if job.kind is JobKind.ATLAS and job.state is JobState.SUCCEEDED else None,
         problem=dict(job.problem),
-        labels=dict(job.marks.labels),
-        note=job.marks.note,
+        labels=dict(job.annotation.labels),
+        note=job.annotation.note,
         created_at=job.created_at,
         started_at=job.started_at,
         finished_at=job.finished_at,
@@ -43,7 +42,7 @@ def solution_out(solution: Solution) -> SolutionOut:
         "id": solution.id,
         "job": solution.job_id,
         "problem": solution.problem,
-        **_marks(solution.marks),
+        **_annotation(solution.annotation),
         "created_at": solution.created_at,
     }
     return SolutionOut.model_validate(document)
@@ -78,7 +77,7 @@ def sweep_state_out(record: SweepProgress) -> SweepStateOut:
     return SweepStateOut.model_validate(_state(record))
 
 
-def _state(record: SweepProgress) -> dict[str, object]:
+def _state(record: SweepProgress) -> Document:
     return {
         "id": record.id,
         "state": record.state.value,
@@ -90,12 +89,12 @@ def _state(record: SweepProgress) -> dict[str, object]:
         "way": record.way,
         "remaining_seconds": record.remaining_seconds,
         "priority": record.priority,
-        **_marks(record.marks),
+        **_annotation(record.annotation),
         "created_at": record.created_at,
         "started_at": record.started_at,
         "finished_at": record.finished_at,
     }
 
 
-def _marks(marks: Marks) -> dict[str, object]:
-    return {"labels": dict(marks.labels), "note": marks.note}
+def _annotation(annotation: Annotation) -> Document:
+    return {"labels": dict(annotation.labels), "note": annotation.note}

@@ -1,7 +1,6 @@
 """/v1/atlases: all planar motions over a range of λ, at once or by a job."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from http import HTTPStatus
@@ -35,6 +34,7 @@ from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.problem.problem import problem_digest
 from service.schemas.query.conditions import in_state
+from service.schemas.reading.documents import Document
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import JobOut, JobPageOut
 from service.storage.searching.sources import OF_ATLAS_ROWS
@@ -42,7 +42,7 @@ from service.verdicts.atlases import examine_atlas, examine_setting
 
 router = APIRouter(prefix="/v1/atlases", tags=["validations"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "three terms": {
         "value": {
             "body": {"A": 2, "C": 1},
@@ -74,7 +74,7 @@ EXAMPLES: dict[str, object] = {
 }
 
 
-_ATLAS: dict[str, object] = {
+_ATLAS = {
     "model": AtlasOut,
     "description": "The atlas. Arrow and CSV have a row for each window and λ; SVG is a picture.",
     "content": media_types(),
@@ -131,7 +131,7 @@ async def draw_atlas(
 class _Checked:
     """A valid document."""
 
-    document: Mapping[str, object]
+    document: Document
     text: str
     wants_stability: bool
 

@@ -19,9 +19,9 @@ from service.api.replies.responses import JobId, SolutionId, SweepId, json_conte
 from service.api.tagged import solution_tag
 from service.jobs.keys import ApiKey
 from service.jobs.records import Job, SweepRecord
-from service.schemas.reading.documents import Fault, InvalidProblemError, Part
-from service.schemas.reading.marks import MOST_LABELS, Marks, patched
-from service.schemas.reading.marks_in import MarksPatchIn
+from service.schemas.reading.annotation import MOST_LABELS, Annotation, patched
+from service.schemas.reading.annotation_in import MarksPatchIn
+from service.schemas.reading.documents import Document, Fault, InvalidProblemError, Part
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.job import JobOut
 from service.schemas.replies.response_model import ResponseModel
@@ -36,10 +36,10 @@ from service.storage.sweeps.deleting import key_of_solution
 
 router = APIRouter(prefix="/v1")
 
-Marked = TypeVar("Marked", Job, Solution, SweepRecord)
+Annotatable = TypeVar("Annotatable", Job, Solution, SweepRecord)
 Owned = TypeVar("Owned", Job, SweepRecord)
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "change": {"value": {"labels": {"project": "thesis", "draft": None}, "note": "figure 3"}},
     "remove": {"value": {"labels": None, "note": None}},
 }
@@ -67,7 +67,7 @@ def change_job(
 
     Of jobs that were submitted with another key this needs the role operate.
     """
-    return _change(content, holder, if_match, partial(inside.jobs.mark, job_id), job_out)
+    return _change(content, holder, if_match, partial(inside.jobs.annotate, job_id), job_out)
 
 
 @router.patch(
@@ -94,13 +94,13 @@ def change_solution(
     check_owner(holder, key_of_solution(inside.database, solution_id))
     standing = standing_of(inside.database, solution_id)
 
-    def change(solution: Solution) -> Marks:
-        _require_current(if_match, solution_tag(request, standing, solution.marks))
+    def change(solution: Solution) -> Annotation:
+        _require_current(if_match, solution_tag(request, standing, solution.annotation))
         return _changed(solution, patch)
 
-    solution = inside.solutions.mark(solution_id, change)
+    solution = inside.solutions.annotate(solution_id, change)
     answer = json_response(solution_out(solution))
-    answer.headers["ETag"] = solution_tag(request, standing, solution.marks)
+    answer.headers["ETag"] = solution_tag(request, standing, solution.annotation)
     return answer
 
 
@@ -119,25 +119,25 @@ def change_sweep(
 
     Of sweeps that were submitted with another key this needs the role operate.
     """
-    return _change(content, holder, if_match, partial(inside.sweeps.mark, sweep_id), sweep_out)
+    return _change(content, holder, if_match, partial(inside.sweeps.annotate, sweep_id), sweep_out)
 
 
 def _change(
     content: bytes,
     holder: ApiKey | None,
     if_match: str | None,
-    mark: Callable[[Callable[[Owned], Marks]], Owned],
+    annotate: Callable[[Callable[[Owned], Annotation]], Owned],
     show: Callable[[Owned], ResponseModel],
 ) -> Response:
-    """Change what is tagged by the bytes of its answer, by ``mark``; answer as GET does, by ``show``."""
+    """Change what is tagged by the bytes of its answer, by ``annotate``; answer as GET does, by ``show``."""
     patch = _read(content)
 
-    def change(given: Owned) -> Marks:
+    def change(given: Owned) -> Annotation:
         check_owner(holder, given.key_id)
         _require_current(if_match, tag_of_content(json_content(show(given))))
         return _changed(given, patch)
 
-    answer = json_content(show(mark(change)))
+    answer = json_content(show(annotate(change)))
     return Response(answer, media_type=JSON, headers={"ETag": tag_of_content(answer)})
 
 
@@ -150,13 +150,13 @@ def _read(content: bytes) -> Part:
     return document
 
 
-def _changed(given: Marked, patch: Part) -> Marks:
+def _changed(given: Annotatable, patch: Part) -> Annotation:
     """Return the labels and the note after the change."""
-    marks = patched(given.marks, patch)
-    if (count := len(marks.labels)) > MOST_LABELS:
+    annotation = patched(given.annotation, patch)
+    if (count := len(annotation.labels)) > MOST_LABELS:
         message = f"{count} labels with those that are there; at most {MOST_LABELS} are accepted"
         raise _refused([Fault("/labels", "invalid_length", message)])
-    return marks
+    return annotation
 
 
 def _refused(faults: list[Fault]) -> ApiError:

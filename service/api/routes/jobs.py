@@ -36,7 +36,7 @@ from service.jobs.queue import Lane
 from service.jobs.records import Job, JobPage, JobState
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery, in_state
-from service.schemas.reading.documents import first_of
+from service.schemas.reading.documents import Document, first_of
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
 from service.settings import Settings
@@ -44,7 +44,7 @@ from service.storage.searching.sources import OF_JOB_ROWS
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "quadrature": {
         "value": {
             "body": {"A": 2, "B": "3/2", "C": 1},
@@ -152,7 +152,7 @@ async def _submit_one(problem: Submission, inside: Resources, terms: SubmissionT
             receipt=receipt,
             examination=accepted.examination,
             found=accepted.entries,
-            marks=accepted.marks,
+            annotation=accepted.annotation,
         )
 
     return await queue(inside, terms, store, _shown)
@@ -184,9 +184,9 @@ def _queue_list(
         receipt=receipt_of(terms.given, lambda made: _list_submitted(answers, made)),
         examinations=[problem.examination for problem in accepted],
         found=[entry for problem in accepted for entry in problem.entries],
-        marks=[problem.marks for problem in accepted],
+        annotations=[problem.annotation for problem in accepted],
     )
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     return _list_submitted(answers, jobs)
 
 
@@ -270,7 +270,7 @@ def cancel_job(job_id: JobId, inside: Inside, holder: Holder) -> Response:
     """
     check_owner(holder, inside.jobs.get(job_id).key_id)
     job = inside.jobs.cancel(job_id)
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     # Release the clients that wait for it.
-    inside.doorbell.announce(job.id)
+    inside.wake_up.announce(job.id)
     return json_response(job_out(job))

@@ -1,7 +1,7 @@
 """POST /v1/validations: returns a verdict, and stores nothing."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -35,12 +35,12 @@ from service.schemas.problem.problem import check_problem, check_question
 from service.schemas.problem.questions import Question
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.problem.trusted import ONE_AT_A_TIME
-from service.schemas.reading.documents import InvalidProblemError, Part
+from service.schemas.reading.documents import Document, InvalidProblemError, Part
 from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.typesetting.equations import FORMATS, Format
-from service.verdicts.documents import plan_document
+from service.verdicts.documents import UNUSUAL, plan_document
 from service.verdicts.examination import classification_of, examine_question
 
 FORMAT = "(text|latex|mathml)"
@@ -66,7 +66,7 @@ class ValidationQuery(QueryModel):
 
 router = APIRouter(prefix="/v1/validations", tags=["validations"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "admissible": {
         "value": {
             "body": {"A": 2, "C": 1},
@@ -107,7 +107,7 @@ async def validate(
     """Tell whether a potential admits planar motions, with the proof, and list the motions.
 
     A document with a motion and times is a whole problem. It is refused with
-    the errors that `POST /v1/jobs` would give; otherwise `plan` tells what its job
+    the errors that `POST /v1/jobs` would give; otherwise `plan` says what its job
     would do. Nothing is stored.
     """
     asked = await inside.reading.run(len(content), _checked, content, inside.settings)
@@ -125,7 +125,7 @@ class _Asked:
     question: Question
     whole: CheckedProblem | None
     """The problem, if motion and times are given."""
-    document: Mapping[str, object]
+    document: Document
     text: str
 
 
@@ -161,15 +161,14 @@ def _planned(
     return json_response(VerdictOut.model_validate({**verdict, "plan": completed}))
 
 
-def _completed(
-    inside: Resources, document: Mapping[str, object], checked: CheckedProblem, plan: Part
-) -> Part:
+def _completed(inside: Resources, document: Document, checked: CheckedProblem, plan: Part) -> Part:
     """Add to the plan of a job the expected seconds and a stored solution."""
     window, table = plan["window"], AccuracyStore(inside.database).current()
     problem = {name: part for name, part in document.items() if name in ProblemIn.model_fields}
     accepted = Submission(problem, checked).settled(window, table)
     settled = accepted.checked.problem
-    tiers = _tiers(problem, settled, window, table)
+    is_usual = UNUSUAL.isdisjoint(str(remark["code"]) for remark in plan["remarks"])
+    tiers = _tiers(problem, settled, window, table, is_usual=is_usual)
     return {
         **plan,
         "tier": settled.accuracy.tier,
@@ -181,10 +180,12 @@ def _completed(
 
 
 def _tiers(
-    document: Mapping[str, object],
+    document: Document,
     problem: Problem,
-    window: Mapping[str, object] | None,
+    window: Document | None,
     table: AccuracyTable,
+    *,
+    is_usual: bool,
 ) -> list[dict[str, object]]:
     """Return what each tier is expected to do with a problem, or why it refuses it."""
     tiers = list[dict[str, object]]()
@@ -192,7 +193,8 @@ def _tiers(
         refusal = None if tier == problem.accuracy.tier else _refusal_at(document, tier)
         if refusal is None and isinstance(expectation, Unavailable):
             refusal = expectation.detail
-        known = expectation if refusal is None and isinstance(expectation, Expected) else None
+        is_known = is_usual and refusal is None
+        known = expectation if is_known and isinstance(expectation, Expected) else None
         tiers.append(
             {
                 "tier": tier,
@@ -205,7 +207,7 @@ def _tiers(
     return tiers
 
 
-def _refusal_at(document: Mapping[str, object], tier: Tier) -> str | None:
+def _refusal_at(document: Document, tier: Tier) -> str | None:
     """Return why a problem is none at a tier."""
     try:
         check_problem({**document, "accuracy": {"tier": tier}})

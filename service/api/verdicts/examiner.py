@@ -23,8 +23,8 @@ from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeou
 from service.schemas.problem.budgets import choose_tier, with_tier
 from service.schemas.problem.problem import check_problem, problem_digest
 from service.schemas.problem.rules import CheckedProblem
-from service.schemas.reading.documents import Fault, Part
-from service.schemas.reading.marks import UNMARKED, Marks
+from service.schemas.reading.annotation import UNANNOTATED, Annotation
+from service.schemas.reading.documents import Document, Fault, Part
 from service.storage.examinations import ExaminationStore
 from service.typesetting.equations import Format
 from service.verdicts.cache_rows import CacheRow, Examination, ExaminationKeys
@@ -103,7 +103,7 @@ def verdict_in(answer: Part) -> Part | None:
     return verdict
 
 
-def _refusal(error: Mapping[str, object]) -> ApiError:
+def _refusal(error: Document) -> ApiError:
     extras = dict(error)
     code, detail, pointer = (str(extras.pop(name)) for name in ("code", "detail", "pointer"))
     given = extras.pop("faults", None)
@@ -116,7 +116,7 @@ def _refusal(error: Mapping[str, object]) -> ApiError:
 
 async def examine_with_formulas(
     verdicts: VerdictQueue,
-    document: Mapping[str, object],
+    document: Document,
     formats: Sequence[Format],
     claimant: Claimant,
     *,
@@ -151,7 +151,7 @@ class Submission:
     """As it is stored: without labels and note, and in the end with a tier in place of a budget."""
     checked: CheckedProblem
     """What it states."""
-    marks: Marks = UNMARKED
+    annotation: Annotation = UNANNOTATED
     keys: ExaminationKeys | None = None
     """Keys of its examination; None for a motion that needs none."""
     text: str = ""

@@ -1,7 +1,7 @@
 // Solutions, jobs and sweeps as tables; the address holds the question, so it can be sent to others.
 import { $, ago, asked, fill, get, h, measured, motionText, number, potentialText, refill, Refusal, request, run, say } from "./core.js";
 import { follow } from "./follow.js";
-import { allBox, boxOf, listen, marksOf, refused, settled } from "./marks.js";
+import { allBox, boxOf, listen, labelsOf, refused, settled } from "./labels.js";
 import { conditions, quoted, showChips, showFacets } from "./query.js";
 
 const LIVE = ["queued", "running"];
@@ -135,7 +135,7 @@ async function showAnswer(isUnwanted) {
   $("first").hidden = !sent.get("after");
   $("first").href = `?${new URLSearchParams(["where", "order"].filter((part) => sent.get(part)).map((part) => [part, sent.get(part)]))}`;
   const add = (condition) => go([...new Set([...conditions(where), condition])].join(","));
-  const rows = page.items.map((item) => h("tr", {}, h("td", {}, boxOf(item)), kind.columns.map(([, , cell]) => h("td", {}, ...[cell(item)].flat())), h("td", { class: "marks" }, marksOf(item, quoted, add))));
+  const rows = page.items.map((item) => h("tr", {}, h("td", {}, boxOf(item)), kind.columns.map(([, , cell]) => h("td", {}, ...[cell(item)].flat())), h("td", { class: "marks" }, labelsOf(item, quoted, add))));
   refill($("table"), page.items.length ? h("table", {}, h("caption", { class: "unseen" }, `${document.title}. A click on a head sorts by it; with Shift it is one more column to sort by.`),
     h("thead", {}, h("tr", {}, h("td", {}, allBox(page.items)), kind.columns.map(head), h("th", { scope: "col" }, "Labels and note"))), h("tbody", {}, rows))
     : h("p", { class: "empty" }, where ? "Nothing meets these conditions." : "There is nothing yet."));

@@ -53,20 +53,20 @@ Column = TypeVar("Column", float, FloatArray)
 
 
 def orientation_columns(
-    dense: DenseOutput, times: FloatArray, rests: FloatArray | None = None
+    dense: DenseOutput, times: FloatArray, low_parts: FloatArray | None = None
 ) -> dict[str, FloatArray]:
     """Return those of :func:`trajectory_columns` that tell the attitude: q0, ... and psi1, psi3; or none."""
     if not has_orientation(dense):
         return {}
-    return _attitude_of(trajectory_columns(dense, times, rests))
+    return _attitude_of(trajectory_columns(dense, times, low_parts))
 
 
 def trajectory_columns(
-    dense: DenseOutput, times: FloatArray, rests: FloatArray | None = None
+    dense: DenseOutput, times: FloatArray, low_parts: FloatArray | None = None
 ) -> dict[str, FloatArray]:
     """Return every column a client may see: the six variables, then :func:`orientation_columns`.
 
-    With ``rests`` the times are the sums of both.
+    With ``low_parts`` the times are the sums of both.
 
     Raises
     ------
@@ -74,9 +74,9 @@ def trajectory_columns(
         As calling ``dense``.
     """
     times = np.asarray(times, dtype=np.float64)
-    values = dense(times, rests)
+    values = dense(times, low_parts)
     columns = {name: values[:, k] for k, name in enumerate(dense.columns) if _is_plain(name)}
-    return {**columns, **(_orientation(dense, times, rests, values) if has_orientation(dense) else {})}
+    return {**columns, **(_orientation(dense, times, low_parts, values) if has_orientation(dense) else {})}
 
 
 def column_names(dense: DenseOutput) -> tuple[str, ...]:
@@ -174,12 +174,12 @@ def _is_plain(name: str) -> bool:
 
 
 def _orientation(
-    dense: DenseOutput, times: FloatArray, rests: FloatArray | None, values: FloatArray
+    dense: DenseOutput, times: FloatArray, low_parts: FloatArray | None, values: FloatArray
 ) -> dict[str, FloatArray]:
     first = dense.columns.index(LOCAL_QUATERNION[0])
     quaternion = values[:, first : first + 4]
     if dense.period is not None:
-        _, turns = split_time(times, dense.period, rests)
+        _, turns = split_time(times, dense.period, low_parts)
         quaternion = _turned(quaternion, turns, dense)
     angles = {name: values[:, dense.columns.index(name)] for name in PRECESSION if name in dense.columns}
     return {**{name: quaternion[:, k] for k, name in enumerate(QUATERNION)}, **angles}

@@ -84,10 +84,10 @@ class DenseOutput:
     errors: Mapping[str, float] = field(default_factory=dict)
     advances: Mapping[str, Advance] = field(default_factory=dict)
 
-    def __call__(self, times: FloatArray, rests: FloatArray | None = None) -> FloatArray:
+    def __call__(self, times: FloatArray, low_parts: FloatArray | None = None) -> FloatArray:
         """Return the columns at ``times``, shape (len(times), columns).
 
-        With ``rests`` the times are the sums of both, as
+        With ``low_parts`` the times are the sums of both, as
         :class:`~service.dynamics.sampling.SampleTimes` has them.
 
         Raises
@@ -98,8 +98,8 @@ class DenseOutput:
         times = np.asarray(times, dtype=np.float64)
         if self.period is None:
             self.require_within(times)
-            return self._within(times, rests)
-        local, turns = split_time(times, self.period, rests)
+            return self._within(times, low_parts)
+        local, turns = split_time(times, self.period, low_parts)
         values = self._within(local)
         self.advance(values, turns)
         return values
@@ -155,12 +155,12 @@ class DenseOutput:
         turns = float(np.abs(times).max()) / self.period.hi
         return self.period.error * turns + 4.0 * EPSILON * self.period.hi
 
-    def _within(self, local: FloatArray, rests: FloatArray | None = None) -> FloatArray:
+    def _within(self, local: FloatArray, low_parts: FloatArray | None = None) -> FloatArray:
         piece = np.clip(np.searchsorted(self.breaks, local, side="right") - 1, 0, len(self.breaks) - 2)
         left, right = self.breaks[piece], self.breaks[piece + 1]
         x = ((local - left) - (right - local)) / (right - left)
-        if rests is not None:
-            x = x + 2.0 * rests / (right - left)
+        if low_parts is not None:
+            x = x + 2.0 * low_parts / (right - left)
         x = np.clip(x, -1.0, 1.0)
         return _clenshaw(self.coefficients, piece, x)
 
@@ -187,22 +187,24 @@ def reduce_time(times: FloatArray, period: Period) -> FloatArray:
 
 
 def split_time(
-    times: FloatArray, period: Period, rests: FloatArray | None = None
+    times: FloatArray, period: Period, low_parts: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Return t − n (hi + lo) in [0, hi] as :func:`reduce_time` does, and n, whole numbers as doubles.
 
-    With ``rests`` the times t are the sums of both.
+    With ``low_parts`` the times t are the sums of both.
     """
     turns = np.floor(times / period.hi)
-    local = _remainder(times, turns, period, rests)
+    local = _remainder(times, turns, period, low_parts)
     shift = np.where(local < 0.0, -1.0, np.where(local >= period.hi, 1.0, 0.0))
-    local = np.where(shift == 0.0, local, _remainder(times, turns + shift, period, rests))
+    local = np.where(shift == 0.0, local, _remainder(times, turns + shift, period, low_parts))
     return np.clip(local, 0.0, period.hi), turns + shift
 
 
-def _remainder(times: FloatArray, turns: FloatArray, period: Period, rests: FloatArray | None) -> FloatArray:
+def _remainder(
+    times: FloatArray, turns: FloatArray, period: Period, low_parts: FloatArray | None
+) -> FloatArray:
     product, rest = two_product(turns, period.hi)
-    small = turns * period.lo if rests is None else turns * period.lo - rests
+    small = turns * period.lo if low_parts is None else turns * period.lo - low_parts
     return ((times - product) - rest) - small
 
 

@@ -32,7 +32,7 @@ class MeasuredOut(ResponseModel):
 
 
 class AtlasStabilityOut(ResponseModel):
-    """Whether small disturbances leave the plane, for each of `samples.lambda`; null where that is not told.
+    """Whether small disturbances leave the plane, for each of `samples.lambda`; null where it is not known.
 
     As in a solution: the errors are measured by halving the steps, and not proved; between these λ nothing
     is said.
@@ -101,7 +101,7 @@ class AtlasSamplesOut(ResponseModel):
 
 
 class AtlasReasonOut(ResponseModel):
-    """Why the windows of a part are not told."""
+    """Why a part has no windows."""
 
     code: str = Field(description="The code that a job at this λ would be refused with.")
     detail: str = Field(description="The reason, for people.")
@@ -123,7 +123,7 @@ class AtlasChangeOut(ResponseModel):
 
     lambda_: MeasuredOut = Field(
         alias="lambda",
-        description="The change is inside, and outside of all changes there is none: `proof` tells how that"
+        description="The change is inside, and outside of all changes there is none: `proof` says how that"
         " is known.",
     )
     kind: ChangeOut = Field(

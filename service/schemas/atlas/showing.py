@@ -78,7 +78,7 @@ def _stability(stability: AtlasStabilityOut | None) -> str:
     """Return how many of the λ that were looked at have which verdict."""
     if stability is None:
         return ""
-    found = Counter(verdict or "not told" for verdict in stability.verdict)
+    found = Counter(verdict or "not known" for verdict in stability.verdict)
     return "".join(f", {verdict} at {count} of {found.total()} λ" for verdict, count in found.most_common())
 
 

@@ -34,8 +34,8 @@ from service.schemas.problem.sections import (
     ToleranceIn,
 )
 from service.schemas.problem.trusted import DEFAULT_OUTPUTS
+from service.schemas.reading.annotation_in import LABELS_HELP, NOTE_HELP, Labels, Note
 from service.schemas.reading.documents import Document
-from service.schemas.reading.marks_in import LABELS_HELP, NOTE_HELP, Labels, Note
 from service.schemas.reading.numbers import (
     Exact,
     Positive,

@@ -18,8 +18,8 @@ from service.dynamics.errors import InvalidNumberError
 from service.dynamics.exact import exact_number
 from service.dynamics.methods import SolvedBy, Tier
 from service.schemas.query.conditions import Excerpt, Kind, QueryError, Subject
+from service.schemas.reading.annotation import LABEL_KEY, LABEL_KEYS
 from service.schemas.reading.documents import pointer_to
-from service.schemas.reading.marks import LABEL_KEY, LABEL_KEYS
 from service.schemas.replies.job import StateName
 
 FamilyName = Literal["expression", "gravity", "rational", "homogeneous", "general"]

@@ -222,12 +222,12 @@ class AccuracyOut(AccuracyTableModel):
 
     costs: TierCostsOut = Field(
         description="What a tier costs a user, of all tiers whatever the query asks: ratios count, since it"
-        " was measured on the machine that is told."
+        " was measured on the machine that it names."
     )
 
     comparison: ComparedWaysOut = Field(
         description="What other methods take and reach, and what each output costs, whatever the query asks:"
-        " ratios count, since it was measured on the machine that is told."
+        " ratios count, since it was measured on the machine that it names."
     )
 
     @classmethod

@@ -142,7 +142,7 @@ class WorkerOut(ResponseModel):
 
     name: str = Field(description="As in attempts.")
     host: str = Field(description="The machine.")
-    engine: str = Field(description="`local`, `procrastinate`, or `service` for an API process.")
+    engine: str = Field(description="`local`, `postgres`, or `service` for an API process.")
     slots: int = Field(description="Jobs that it computes at once; 0 for a service.")
     started_at: datetime = Field(description="When it started, UTC.")
     silent_seconds: float = Field(description="Since its last sign of life.")

@@ -130,7 +130,7 @@ class CostOut(ResponseModel):
         default=None,
         description="Seconds that potential and motion were examined before the job was queued; next to"
         " nothing where the result of an earlier examination was kept. Null for motions from a state, which"
-        " need none, and for solutions that were stored before it was told.",
+        " need none, and for solutions of earlier versions.",
     )
 
 
@@ -143,7 +143,7 @@ class ProvenanceOut(ResponseModel):
         default=None,
         description="Architecture of the processor and the features that libraries choose their"
         " instructions by. Solutions of one problem have the same bits if all of their provenance is equal,"
-        " else the same numbers within their errors. Null for solutions that were stored before it was told.",
+        " else the same numbers within their errors. Null for solutions of earlier versions.",
     )
     libraries: str | None = Field(
         default=None, description="Versions of the libraries that computed; null like `processor`."
@@ -156,7 +156,7 @@ class ProvenanceOut(ResponseModel):
     way: Literal["compiled", "plain"] | None = Field(
         default=None,
         description="`compiled`: by kernels; `plain`: without them, since their code was not ready yet. Both"
-        " keep the promises of the tier. Null for solutions that were stored before it was told: by kernels.",
+        " keep the promises of the tier. Null for solutions of earlier versions: by kernels.",
     )
 
 
@@ -186,8 +186,8 @@ class SolutionOut(ResponseModel):
     error: float = Field(description="Largest absolute error of any variable over the asked times.")
     errors: dict[str, GroupErrorOut] | None = Field(
         description="The errors of `omega` (p, q, r) and `gamma` (g1, g2, g3), with the orientation also of"
-        " `quaternion`, `psi1` and `psi3`; empty without samples. Null for solutions that were stored before"
-        " they were told."
+        " `quaternion`, `psi1` and `psi3`; empty without samples. Null for solutions of earlier"
+        " versions."
     )
     cross_check: CrossCheckOut | None = Field(description="With the method `both`.")
     stability: StabilityOut | None = Field(

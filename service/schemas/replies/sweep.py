@@ -35,7 +35,7 @@ class SweepStateOut(ResponseModel):
     way: Literal["compiled", "plain"] | None = Field(
         description="How all of its points are computed: by kernels, or without them since it is sooner done"
         " so than these are compiled. Chosen when a worker takes its first points; null until then. A sweep"
-        " that is `compiled` waits for kernels that are not ready; `/readyz` tells how far they are. A"
+        " that is `compiled` waits for kernels that are not ready; `/readyz` shows how far they are. A"
         " `plain` one with a point that only kernels may solve becomes `compiled`, and begins again."
     )
 

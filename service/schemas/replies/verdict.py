@@ -104,13 +104,13 @@ class MotionWindowOut(ResponseModel):
     window: int = Field(description="Its number, for the motion's `window`.")
     kind: Literal["periodic", "separatrix", "equilibrium", "standstill", "collision", "pole", "edge"] = Field(
         description="`periodic`, or what keeps the motion from coming back: it tends to an equilibrium"
-        " (`separatrix`), stays in one (`equilibrium`), comes to rest after a finite time at a place"
+        " (`separatrix`), stays in one (`equilibrium`), comes to rest after a finite time at a point"
         " that it may leave at any later one (`standstill`), reaches a singularity of the potential"
         " (`collision`), tends to the `pole`, or meets the `edge` of the potential's domain."
     )
     ends: tuple[EndOut, EndOut] = Field(
         description="Where |g1| is smallest, where it is largest. At a `collision` p² grows without bound,"
-        " and the motion ends after a finite time; one at a pole of the sphere is told as `pole`."
+        " and the motion ends after a finite time; one at a pole of the sphere is named `pole`."
     )
     g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
     g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")
@@ -254,8 +254,9 @@ class TierPlanOut(ResponseModel):
     tier: Literal["draft", "standard", "high", "certified"] = Field(description="The tier.")
     tolerance: float = Field(description="What it promises.")
     expected_seconds: float | None = Field(
-        description="By the slowest comparable problem of the accuracy table; null if there is none. A tier"
-        " saves time only where this is less than that of the next better one."
+        description="By the slowest comparable problem of the accuracy table; null if there is none, as where"
+        " `remarks` tell that the motion is unusual (`pole_passage`, `near_rest`, `narrow_feature`,"
+        " `infinite_slope`). A tier saves time only where this is less than that of the next better one."
     )
     expected_error: float | None = Field(
         description="The largest error that a comparable solution claimed; for `certified` a proven radius."
@@ -285,9 +286,7 @@ class PlanOut(ResponseModel):
         " `integral`, `pole_passage`, `near_rest`, `narrow_feature`, `infinite_slope`, and how it ends:"
         " `collision`, `pole`, `separatrix`. Empty where nothing is known."
     )
-    expected_seconds: float | None = Field(
-        description="Expected seconds from the accuracy table of the installation; null if it lacks the tier."
-    )
+    expected_seconds: float | None = Field(description="That of the tier, among `tiers`.")
     tiers: list[TierPlanOut] = Field(description="The same problem at each tier, from draft to certified.")
     solution: str | None = Field(
         description="Id of a stored solution of this problem: a job would return it at once, `reused`."

@@ -22,6 +22,7 @@ from service.dynamics.exact import exact_number
 from service.dynamics.problem import Problem
 from service.schemas.problem.documents import ProblemIn
 from service.schemas.problem.problem import each_once, read_problem
+from service.schemas.reading.annotation_in import LABELS_HELP, NOTE_HELP, Labels, Note
 from service.schemas.reading.documents import (
     Document,
     Fault,
@@ -31,7 +32,6 @@ from service.schemas.reading.documents import (
     split_pointer,
     value_at,
 )
-from service.schemas.reading.marks_in import LABELS_HELP, NOTE_HELP, Labels, Note
 from service.schemas.reading.numbers import Priority, refuse
 from service.schemas.reading.parts import WireModel, fields_of, read_parts
 from service.schemas.sweep.axes import MODELS as AXES

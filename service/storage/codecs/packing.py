@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.solution.dense_output import Advance, DenseOutput, Period
 from service.jobs.records import ChunkOutcome
+from service.schemas.reading.documents import Document
 
 FloatArray = NDArray[np.float64]
 
@@ -182,9 +183,6 @@ def _unshuffle(body: bytes, shape: tuple[int, ...]) -> FloatArray:
     by_number = np.frombuffer(body, dtype=np.uint8).reshape(_WIDTH, -1).T
     flat = np.ascontiguousarray(by_number).reshape(-1).view("<f8").astype(np.float64, copy=False)
     return np.asarray(flat.reshape(shape, order="F"), order="C")
-
-
-Document = Mapping[str, object]
 
 
 def encode_document(document: Document) -> bytes:

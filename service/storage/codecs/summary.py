@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import TypedDict
 
+from service.schemas.reading.documents import Part
+
 FIRST_PASSAGE = "first_pole_passage"
 """In the evidence: the time until which a motion needs none of its conventions."""
 PROVEN_SAMPLES = "proven_samples"
@@ -31,7 +33,7 @@ class SummaryColumns(TypedDict):
     aperiodic: str | None
 
 
-def summary_columns(problem: Mapping[str, object], summary: Mapping[str, object]) -> SummaryColumns:
+def summary_columns(problem: Part, summary: Part) -> SummaryColumns:
     """Return the columns of a solution, from its canonical problem and its summary."""
     return SummaryColumns(
         family=_word(_at(problem, "potential", "type")),

@@ -29,6 +29,7 @@ from sqlalchemy import Connection, Engine, create_engine, event, exc, make_url
 from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
+from service.schemas.reading.documents import Document
 from service.storage.database.availability import is_stopped
 from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFile, DatabaseFileError, file_of
 
@@ -148,9 +149,15 @@ class Database:
     """An engine with a way to read and a way to write. Safe to share between threads, not across a fork.
 
     The database must exist: :func:`service.storage.database.migration.migrate` makes it.
+
+    Parameters
+    ----------
+    announces_jobs
+        Whether Postgres tells workers of other machines of queued jobs.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, *, announces_jobs: bool = False) -> None:
+        self.announces_jobs = announces_jobs
         self.file = file_of(make_url(url))
         self.engine = make_engine(url, file=self.file)
         self._writer = self.engine.execution_options(**{_BEGIN: "BEGIN IMMEDIATE"})
@@ -280,7 +287,7 @@ def _watch(engine: Engine, file: DatabaseFile | None, *, create: bool) -> None:
     event.listen(engine, "checkout", check)
 
 
-def _arguments(url: str) -> dict[str, object]:
+def _arguments(url: str) -> Document:
     """Return the time limits and the encoding of a new connection, except those given in the URL."""
     asked = make_url(url)
     arguments: dict[str, dict[str, object]] = {

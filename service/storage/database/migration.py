@@ -10,7 +10,6 @@ import time
 from sqlalchemy import Connection, Engine, text
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.storage.database import procrastinate_schema
 from service.storage.database.availability import is_postgres_error
 from service.storage.database.database import is_postgres, make_engine
 from service.storage.database.revisions import (
@@ -28,7 +27,6 @@ _EXPECTED = (
     sqlite3.Error,  # its file cannot be opened
     ImportError,  # the database's driver is not installed
     OSError,
-    procrastinate_schema.UnknownSchemaError,
 )
 """Errors that a migration may end with and that are no bugs, beside those of the driver of Postgres."""
 _STAMP = (
@@ -55,10 +53,8 @@ class EncodingError(Exception):
         )
 
 
-def migrate(url: str, *, engine_name: str = "local") -> None:
+def migrate(url: str) -> None:
     """Create or upgrade the tables; safe to repeat, and safe for several processes at once.
-
-    ``engine_name`` is the engine of the settings: Procrastinate has tables of its own.
 
     Raises
     ------
@@ -77,8 +73,6 @@ def migrate(url: str, *, engine_name: str = "local") -> None:
             _make_tables(engine)
         elif stored != newest_revision():
             _upgrade(engine)
-        if engine_name == "procrastinate":
-            procrastinate_schema.install(engine)
     finally:
         engine.dispose()
 
@@ -151,7 +145,7 @@ def _require_utf8(engine: Engine) -> None:
                 raise EncodingError(str(encoding))
 
 
-def migrate_or_explain(url: str, *, engine_name: str = "local") -> None:
+def migrate_or_explain(url: str) -> None:
     """Call :func:`migrate` for a command, and turn expected failures into one error.
 
     Raises
@@ -160,7 +154,7 @@ def migrate_or_explain(url: str, *, engine_name: str = "local") -> None:
         The database cannot be migrated, and not because of a bug.
     """
     try:
-        migrate(url, engine_name=engine_name)
+        migrate(url)
     except (UnknownRevisionError, EncodingError) as fault:
         raise MigrationError(str(fault)) from fault
     except Exception as fault:

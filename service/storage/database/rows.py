@@ -1,4 +1,4 @@
-"""What every row has: an id, instants, and a position in a page of a long list.
+"""Ids, instants, and the rows of a page of a long list: common to all tables.
 
 Ids are UUIDs, version 7 of RFC 9562: they grow with time. Instants are read from the
 database's clock, in seconds since 1970. Leases are granted and checked by one clock, so

@@ -10,7 +10,7 @@ from service.jobs.records import FINISHED, AttemptOutcome, JobKind, JobState
 from service.storage.database.database import Database
 from service.storage.inspection.invariants import Invariant, Remedy, differ
 from service.storage.inspection.repairs import Broken
-from service.storage.jobs.chunks import hold, queue_chunks
+from service.storage.jobs.chunks import hold, most_of, queue_chunks, range_of
 from service.storage.jobs.moves import end_attempt, move
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.jobs import JobRow
@@ -77,7 +77,7 @@ def _covered(session: Session, sweep_id: str) -> list[Range]:
         JobRow.sweep_id == sweep_id, JobRow.kind == JobKind.CHUNK.value, JobRow.state.in_(_LIVE)
     )
     pieces = [Range(first, count) for first, count in session.execute(stored)]
-    pieces += [Range(_number(each["first"]), _number(each["count"])) for each in session.scalars(to_do)]
+    pieces += [range_of(problem) for problem in session.scalars(to_do)]
     return sorted(pieces, key=lambda piece: piece.first)
 
 
@@ -94,12 +94,7 @@ def _missing(covered: Sequence[Range], end: int) -> Iterator[Range]:
 def _most(session: Session, sweep: SweepRow) -> int:
     """Return the largest chunk size that the sweep's jobs record, else the size of the last chunk made."""
     problem = session.scalar(select(JobRow.problem).where(JobRow.sweep_id == sweep.id).limit(1))
-    return _number(problem["most"]) if problem is not None else max(sweep.chunk_points, 1)
-
-
-def _number(value: object) -> int:
-    assert isinstance(value, int)
-    return value
+    return most_of(problem) if problem is not None else max(sweep.chunk_points, 1)
 
 
 def invariants_of_sweeps() -> Iterator[Invariant]:

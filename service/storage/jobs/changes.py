@@ -14,10 +14,10 @@ from sqlalchemy import and_, literal_column, or_, select
 from sqlalchemy.orm import Session
 
 from service.jobs.records import Job
+from service.storage.annotations import annotations_of
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now
 from service.storage.jobs.records import job_of
-from service.storage.marks import marks_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
 
@@ -93,8 +93,8 @@ class ChangeReader:
                 some = select(JobRow).where(JobRow.id.in_(ids[start : start + _TOGETHER]))
                 rows = session.scalars(some).all()
                 found += [
-                    (row.changed_at, job_of(row, marks))
-                    for row, marks in zip(rows, marks_of(session, rows), strict=True)
+                    (row.changed_at, job_of(row, annotation))
+                    for row, annotation in zip(rows, annotations_of(session, rows), strict=True)
                 ]
         return found
 

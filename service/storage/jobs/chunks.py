@@ -15,11 +15,12 @@ from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_
 from service.jobs.kernels import Kernels, Way, way_of_sweep
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, ChunkOutcome, Claim, JobKind, JobState, sources
+from service.schemas.reading.documents import Part
 from service.storage.database.rows import database_now, new_id
 from service.storage.jobs.moves import end_attempt, fence, may_become, move
 from service.storage.jobs.submitting import next_turns
 from service.storage.keys.key_store import charge
-from service.storage.tables.base import DatabaseNow, Document, table_of
+from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.operations import WorkerRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
@@ -43,7 +44,7 @@ def hold(session: Session, sweep_id: str | None) -> SweepRow | None:
 class Begun:
     """The document of a sweep, and the way in which its points are computed."""
 
-    document: Document
+    document: Part
     way: str
 
 
@@ -112,7 +113,7 @@ def finish(session: Session, claim: Claim, outcome: ChunkOutcome) -> list[JobRow
         return None
     end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.SUCCEEDED)
     sweep.way = sweep.way or claim.way
-    asked, most = _range(claim.problem)
+    asked, most = range_of(claim.problem), most_of(claim.problem)
     if not 1 <= outcome.count <= asked.count:
         raise ValueError(f"{outcome.count} points came back of a chunk of {asked.count}")
     sweep.point_seconds = outcome.seconds / outcome.count
@@ -131,7 +132,7 @@ def replace_failed(session: Session, sweep: SweepRow | None, job_id: str) -> lis
     job = session.get_one(JobRow, job_id, populate_existing=True)
     if job.state != JobState.FAILED.value:
         return []
-    asked, most = _range(job.problem)
+    asked, most = range_of(job.problem), most_of(job.problem)
     if asked.count > 1:
         return queue_chunks(session, sweep, cut(asked, PARTS), most, alone=job.alone)
     # Here and not at the top: it loads NumPy, which a worker needs for nothing else.
@@ -142,9 +143,9 @@ def replace_failed(session: Session, sweep: SweepRow | None, job_id: str) -> lis
     return _store(session, sweep, asked.first, refused, (), most)
 
 
-def first_problem(sweep: SweepRow, claim: Claim) -> Document:
+def first_problem(sweep: SweepRow, claim: Claim) -> Part:
     """Return what the chunk of ``claim`` is to compute if its sweep begins again."""
-    _, most = _range(claim.problem)
+    most = most_of(claim.problem)
     return _problem(pilot(sweep.points, most), most)
 
 
@@ -153,7 +154,7 @@ def begin_again(session: Session, sweep: SweepRow, claim: Claim, way: Way) -> No
 
     The others are deleted: who computes one has lost it.
     """
-    _, most = _range(claim.problem)
+    most = most_of(claim.problem)
     points = SweepChunkRow.sweep_id == sweep.id
     freed = session.scalar(select(func.sum(func.length(SweepChunkRow.data))).where(points)) or 0
     session.execute(delete(SweepChunkRow).where(points).execution_options(synchronize_session=False))
@@ -232,12 +233,15 @@ def _end(session: Session, sweep: SweepRow, state: JobState) -> None:
     session.flush()
 
 
-def _problem(chunk: Range, most: int) -> Document:
+def _problem(chunk: Range, most: int) -> Part:
     return {"first": chunk.first, "count": chunk.count, "most": most}
 
 
-def _range(problem: Document) -> tuple[Range, int]:
-    """Return the points of a chunk's job, and how large a chunk of its sweep may be."""
-    first, count, most = problem["first"], problem["count"], problem["most"]
-    assert isinstance(first, int) and isinstance(count, int) and isinstance(most, int)  # noqa: PT018
-    return Range(first, count), most
+def range_of(problem: Part) -> Range:
+    """Return the points that a chunk's job computes."""
+    return Range(int(str(problem["first"])), int(str(problem["count"])))
+
+
+def most_of(problem: Part) -> int:
+    """Return how large a chunk of the sweep of a chunk's job may be."""
+    return int(str(problem["most"]))

@@ -18,12 +18,12 @@ from sqlalchemy import (
 
 from service.jobs.queue import Lane
 from service.jobs.records import Claim, ClaimedJobs, JobKind, JobState, StoredSolution
-from service.jobs.store import Dispatcher
 from service.storage.database.database import is_postgres
 from service.storage.examinations import sound_content
 from service.storage.jobs import chunks
 from service.storage.jobs.finishing import solved, succeed
 from service.storage.jobs.moves import may_become
+from service.storage.jobs.queue import first_jobs
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow
 from service.storage.tables.operations import ExaminationRow
@@ -130,18 +130,17 @@ _BEGIN = insert(table_of(AttemptRow))
 
 def take_jobs(
     connection: Connection,
-    dispatcher: Dispatcher[Connection],
     worker: str,
     count: int,
     lease_seconds: float,
-    owed: Sequence[Lane] = (),
+    starved: Sequence[Lane] = (),
     together: int = 1,
 ) -> ClaimedJobs | None:
     """Claim the next jobs; finish at once those whose problem has a stored solution by now.
 
-    None if nothing was delivered. The claims may be empty: every delivered job may be out of date.
+    None if none is ready. The claims may be empty: each of them may have been reused.
     """
-    ids = dispatcher.take(connection, count, owed[:count], together) if count else None
+    ids = first_jobs(connection, count, starved, together) if count else None
     if ids is None:
         return None
     claims, solutions = _claim(connection, ids, worker, lease_seconds)

@@ -25,12 +25,13 @@ from sqlalchemy.orm import Session
 from sqlalchemy.sql import ColumnElement
 
 from service.jobs.records import AtlasResult, AttemptOutcome, Claim, JobState, Solved
+from service.schemas.reading.documents import Part
+from service.storage.annotations import LABELS_OF_JOB, copy_labels
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import is_postgres
 from service.storage.database.rows import new_id
 from service.storage.jobs.moves import end_attempt, fence, may_become, move
 from service.storage.keys.key_store import charge
-from service.storage.marks import LABELS_OF_JOB, copy_labels
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
 from service.storage.tables.labels import SolutionLabelRow
@@ -222,7 +223,7 @@ def store_atlas(session: Session, claim: Claim, outcome: AtlasResult) -> bool:
     return True
 
 
-def _with_examination(summary: Mapping[str, object], seconds: float | None) -> Mapping[str, object]:
+def _with_examination(summary: Part, seconds: float | None) -> Part:
     """Return the summary with what the examination has cost, which was before the job."""
     cost = summary.get("cost")
     if seconds is None or not isinstance(cost, Mapping):
@@ -230,15 +231,13 @@ def _with_examination(summary: Mapping[str, object], seconds: float | None) -> M
     return {**summary, "cost": {**cost, "examination_seconds": seconds}}
 
 
-def store_solution(
-    connection: Connection, claim: Claim, summary: Mapping[str, object], dense: bytes, samples: bytes
-) -> bool:
+def store_solution(connection: Connection, claim: Claim, summary: Part, dense: bytes, samples: bytes) -> bool:
     """Insert the solution of a claimed job, its arrays and labels, and move the job, if the claim holds."""
     solution_id = new_id()
     given = _row(claim, solution_id, summary)
     if is_postgres(connection):
-        given |= {"dense": dense, "samples": samples}
-        return connection.scalar(_STORE_AND_SUCCEED, given) is not None
+        arrays = {"dense": dense, "samples": samples}
+        return connection.scalar(_STORE_AND_SUCCEED, {**given, **arrays}) is not None
     # SQLite has one writer at a time: a claim that holds here still holds below.
     if connection.scalar(_INSERT_SOLUTION, given) is None:
         return False
@@ -273,7 +272,7 @@ def solved(connection: Connection, digests: Sequence[str], *, hold: bool) -> dic
     return found
 
 
-def _row(claim: Claim, solution_id: str, summary: Mapping[str, object]) -> dict[str, object]:
+def _row(claim: Claim, solution_id: str, summary: Part) -> Part:
     """Return the parameters of the statements that store a solution."""
     columns = {
         "id": solution_id,
@@ -287,7 +286,7 @@ def _row(claim: Claim, solution_id: str, summary: Mapping[str, object]) -> dict[
     }
 
 
-def _moves(claim: Claim, solution_id: str, *, reused: bool) -> dict[str, object]:
+def _moves(claim: Claim, solution_id: str, *, reused: bool) -> Part:
     return {
         "job": claim.job_id,
         "claimant": claim.worker,

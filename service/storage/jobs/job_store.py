@@ -1,6 +1,6 @@
 """The store of jobs in SQL; one method is one transaction."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from sqlalchemy import Connection, bindparam, select, update
@@ -27,9 +27,11 @@ from service.jobs.records import (
     Solved,
     SolveOutcome,
 )
-from service.jobs.store import Dispatcher, Receipt
+from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.marks import UNMARKED, Marks
+from service.schemas.reading.annotation import UNANNOTATED, Annotation
+from service.schemas.reading.documents import Part
+from service.storage.annotations import annotations_of, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, is_id
 from service.storage.examinations import store_rows
@@ -37,15 +39,13 @@ from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
 from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_atlas
 from service.storage.jobs.moves import end_attempt, fence, history, lose, move
-from service.storage.jobs.records import delivery_of, job_of, page_of_jobs
+from service.storage.jobs.queue import announce
+from service.storage.jobs.records import job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
-from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.idempotency_store import write_key
-from service.storage.marks import marks_of, rewrite
 from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
-from service.storage.tables.sweeps import SweepRow
 from service.verdicts.cache_rows import CacheRow, Examination
 
 _JOBS = table_of(JobRow)
@@ -57,14 +57,12 @@ _HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
 class SqlJobStore:
     """The :class:`~service.jobs.store.JobStore` in SQLite or Postgres."""
 
-    def __init__(self, database: Database, dispatcher: Dispatcher[Connection] | None = None) -> None:
-        """Without a dispatcher, workers poll the table."""
+    def __init__(self, database: Database) -> None:
         self._database = database
-        self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
 
     def submit(
         self,
-        problem: Mapping[str, object],
+        problem: Part,
         digest: str,
         *,
         priority: int = 0,
@@ -72,7 +70,7 @@ class SqlJobStore:
         examination: Examination | None = None,
         found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
-        marks: Marks = UNMARKED,
+        annotation: Annotation = UNANNOTATED,
     ) -> Job:
         """Store a job; it has succeeded already if an equal problem has been solved."""
         (job,) = self.submit_many(
@@ -82,13 +80,13 @@ class SqlJobStore:
             examinations=[examination],
             found=found,
             receipt=receipt,
-            marks=[marks],
+            annotations=[annotation],
         )
         return job
 
     def submit_many(
         self,
-        problems: Sequence[tuple[Mapping[str, object], str]],
+        problems: Sequence[tuple[Part, str]],
         *,
         priority: int = 0,
         key_id: str | None = None,
@@ -96,7 +94,7 @@ class SqlJobStore:
         examinations: Sequence[Examination | None] = (),
         found: Sequence[CacheRow] = (),
         receipt: Receipt[tuple[Job, ...]] | None = None,
-        marks: Sequence[Marks] = (),
+        annotations: Sequence[Annotation] = (),
     ) -> tuple[Job, ...]:
         """Store a job for each problem and its digest, all of them or none, and the answer of a receipt."""
         with self._database.write() as session:
@@ -108,10 +106,10 @@ class SqlJobStore:
                 priority=priority,
                 key_id=key_id,
                 examinations=examinations,
-                marks=marks,
+                annotations=annotations,
             )
-            self._deliver(session, [row for row in rows if row.state == JobState.QUEUED.value])
-            jobs = tuple(map(job_of, rows, marks or [UNMARKED] * len(rows)))
+            self._announce(session, any(row.state == JobState.QUEUED.value for row in rows))
+            jobs = tuple(map(job_of, rows, annotations or [UNANNOTATED] * len(rows)))
             if receipt is not None:
                 write_key(session.connection(), receipt.given, receipt.answer(jobs))
             return jobs
@@ -134,14 +132,14 @@ class SqlJobStore:
         with self._database.read() as session:
             return history(session, _row(session, job_id).id)
 
-    def mark(self, job_id: str, change: Callable[[Job], Marks]) -> Job:
+    def annotate(self, job_id: str, change: Callable[[Job], Annotation]) -> Job:
         """Give a job the labels and the note that ``change`` makes of its present state."""
         with self._database.write() as session:
             row = _row(session, job_id, is_locked=True)
             job = _job(session, row)
-            marks = change(job)
-            rewrite(session, row, marks, job.marks.labels)
-            return replace(job, marks=marks)
+            annotation = change(job)
+            rewrite(session, row, annotation, job.annotation.labels)
+            return replace(job, annotation=annotation)
 
     def cancel(self, job_id: str) -> Job:
         """Cancel an unfinished job at once, even while it runs; its claim no longer holds."""
@@ -168,13 +166,13 @@ class SqlJobStore:
         count: int,
         *,
         lease_seconds: float,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
     ) -> ClaimedJobs:
         """Take the first jobs of the queue, in its order."""
         while True:
             with self._database.write_rows() as connection:
-                taken = take_jobs(connection, self._dispatcher, worker, count, lease_seconds, owed, together)
+                taken = take_jobs(connection, worker, count, lease_seconds, starved, together)
             if taken is None:
                 return ClaimedJobs()
             if taken != ClaimedJobs():
@@ -206,15 +204,13 @@ class SqlJobStore:
         *,
         then_take: int = 0,
         lease_seconds: float = 0.0,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
     ) -> tuple[bool, ClaimedJobs]:
         """Finish a job and take others by one commit."""
 
         def take(connection: Connection) -> ClaimedJobs:
-            taken = take_jobs(
-                connection, self._dispatcher, claim.worker, then_take, lease_seconds, owed, together
-            )
+            taken = take_jobs(connection, claim.worker, then_take, lease_seconds, starved, together)
             return taken or ClaimedJobs()
 
         if isinstance(outcome, ChunkOutcome):
@@ -235,7 +231,7 @@ class SqlJobStore:
         *,
         then_take: int = 0,
         lease_seconds: float = 0.0,
-        owed: Sequence[Lane] = (),
+        starved: Sequence[Lane] = (),
         together: int = 1,
     ) -> tuple[frozenset[str], ClaimedJobs]:
         """Finish several problems and take others by one commit."""
@@ -246,10 +242,10 @@ class SqlJobStore:
             held = {claim.job_id for claim, outcome in refused if self._fail(session, claim, outcome.error)}
             connection = session.connection()
             held |= store_and_charge_all(connection, solved)
-            taken = take_jobs(connection, self._dispatcher, worker, then_take, lease_seconds, owed, together)
+            taken = take_jobs(connection, worker, then_take, lease_seconds, starved, together)
             return frozenset(held), taken or ClaimedJobs()
 
-    def finish_failure(self, claim: Claim, error: Mapping[str, object]) -> bool:
+    def finish_failure(self, claim: Claim, error: Part) -> bool:
         """Mark the job failed for good; a chunk is split into smaller ones."""
         with self._database.write() as session:
             return self._fail(session, claim, error)
@@ -270,7 +266,8 @@ class SqlJobStore:
             terms = detail, max_attempts, retry_seconds
             if not lose(session, fence(claim), attempt, *terms, has_begun=has_begun):
                 return False
-            self._deliver_after_loss(session, sweep, claim.job_id)
+            chunks.replace_failed(session, sweep, claim.job_id)
+            self._announce(session)
             return True
 
     def give_back(self, claim: Claim, why: str = "the worker stopped", *, pause_seconds: float = 0.0) -> bool:
@@ -300,11 +297,6 @@ class SqlJobStore:
                 for claim in claims:
                     self._give_back(session, claim, why)
 
-    def repair(self) -> int:
-        """Deliver again the due jobs whose delivery was lost."""
-        with self._database.write_rows() as connection:
-            return self._dispatcher.repair(connection)
-
     def reconcile(self, *, max_attempts: int, retry_seconds: float = 0.0) -> tuple[str, ...]:
         """Requeue, or fail, every job whose lease has ended."""
         expired = JobRow.state == JobState.RUNNING.value, JobRow.lease_until < DatabaseNow()
@@ -320,22 +312,23 @@ class SqlJobStore:
                 sweep = chunks.hold(session, sweep_id)
                 terms = "the lease ended without a heartbeat", max_attempts, retry_seconds
                 if lose(session, still, (job_id, attempt), *terms, has_begun=False):
-                    self._deliver_after_loss(session, sweep, job_id)
+                    chunks.replace_failed(session, sweep, job_id)
+                    self._announce(session)
                     changed.append(job_id)
         return tuple(changed)
 
     def _finish_chunk(self, session: Session, claim: Claim, outcome: ChunkOutcome) -> bool:
         queued = chunks.finish(session, claim, outcome)
-        self._deliver(session, queued or ())
+        self._announce(session, bool(queued))
         return queued is not None
 
-    def _fail(self, session: Session, claim: Claim, error: Mapping[str, object]) -> bool:
+    def _fail(self, session: Session, claim: Claim, error: Part) -> bool:
         sweep = chunks.hold(session, claim.sweep_id)
         if not move(session, JobState.FAILED, *fence(claim), error=dict(error)):
             return False
         code = str(error.get("code", ""))
         end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.FAILED, code)
-        self._deliver(session, chunks.replace_failed(session, sweep, claim.job_id))
+        self._announce(session, bool(chunks.replace_failed(session, sweep, claim.job_id)))
         return True
 
     def _give_back(
@@ -346,23 +339,18 @@ class SqlJobStore:
         if not move(session, JobState.QUEUED, *fence(claim), **values):
             return False
         end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.RETURNED, why)
-        self._deliver(session, [session.get_one(JobRow, claim.job_id)])
+        self._announce(session)
         return True
 
-    def _deliver(self, session: Session, queued: Sequence[JobRow]) -> None:
-        session.flush()
-        self._dispatcher.dispatch(session.connection(), [delivery_of(row) for row in queued])
-
-    def _deliver_after_loss(self, session: Session, sweep: SweepRow | None, job_id: str) -> None:
-        """Deliver the requeued job, or the jobs that replace a failed chunk."""
-        further = chunks.replace_failed(session, sweep, job_id)
-        job = session.get_one(JobRow, job_id, populate_existing=True)
-        self._deliver(session, [job, *further] if job.state == JobState.QUEUED.value else further)
+    def _announce(self, session: Session, has_queued: bool = True) -> None:
+        session.flush()  # for a claim of the same transaction
+        if has_queued:
+            announce(self._database, session.connection())
 
 
 def _job(session: Session, row: JobRow) -> Job:
-    (marks,) = marks_of(session, [row])
-    return job_of(row, marks)
+    (annotation,) = annotations_of(session, [row])
+    return job_of(row, annotation)
 
 
 def _row(session: Session, job_id: str, *, is_locked: bool = False) -> JobRow:

@@ -6,7 +6,7 @@ first and written afterwards.
 """
 
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from sqlalchemy import ColumnElement, exists, func, or_, select, update
 from sqlalchemy.orm import Session
@@ -22,6 +22,7 @@ from service.jobs.records import (
     pause_after,
     sources,
 )
+from service.schemas.reading.documents import Document
 from service.storage.database.rows import database_now
 from service.storage.jobs.records import attempt_of
 from service.storage.tables.base import DatabaseNow, table_of
@@ -148,7 +149,7 @@ def history(session: Session, job_id: str) -> tuple[Attempt, ...]:
     return tuple(attempt_of(row) for row in session.scalars(statement))
 
 
-def _lost_worker_error(history: Sequence[Attempt], losses: int) -> Mapping[str, object]:
+def _lost_worker_error(history: Sequence[Attempt], losses: int) -> Document:
     return {
         "code": "lost_worker",
         "detail": f"{losses} workers or their child processes died at this job; it is not tried again",

@@ -1,18 +1,17 @@
 """Converts rows of jobs and attempts to the records of service.jobs, and reads pages of them."""
 
 from service.jobs.records import Attempt, AttemptOutcome, Job, JobKind, JobPage, JobState
-from service.jobs.store import Delivery
 from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
+from service.storage.annotations import annotations_of
 from service.storage.database.database import Database
 from service.storage.database.rows import instant, optional_instant, rows_of_page
-from service.storage.marks import marks_of
 from service.storage.searching.pages import find
 from service.storage.searching.sources import Source
 from service.storage.tables.jobs import AttemptRow, JobRow
 
 
-def job_of(row: JobRow, marks: Marks) -> Job:
+def job_of(row: JobRow, annotation: Annotation) -> Job:
     """Return the record of a job, whose labels are in another table."""
     return Job(
         id=row.id,
@@ -29,14 +28,9 @@ def job_of(row: JobRow, marks: Marks) -> Job:
         started_at=optional_instant(row.started_at),
         finished_at=optional_instant(row.finished_at),
         key_id=row.key_id,
-        marks=marks,
+        annotation=annotation,
         kind=JobKind(row.kind),
     )
-
-
-def delivery_of(row: JobRow) -> Delivery:
-    """Return the delivery of a queued job, from which it may be claimed."""
-    return Delivery(row.id, row.attempt, row.priority, row.ready_at)
 
 
 def attempt_of(row: AttemptRow) -> Attempt:
@@ -56,5 +50,5 @@ def page_of_jobs(database: Database, source: Source, query: ListQuery) -> JobPag
     with database.search() as session:
         found = find(session, source, query)
         rows = [] if query.columns else rows_of_page(session, JobRow, found.ids)
-        jobs = tuple(map(job_of, rows, marks_of(session, rows)))
+        jobs = tuple(map(job_of, rows, annotations_of(session, rows)))
         return JobPage(jobs, found.total, found.values, found.next)

@@ -1,6 +1,6 @@
 """Inserts new jobs, within the caller's transaction, each with a turn: its position in the fair queue."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import zip_longest
 from typing import Any  # of a row that the statement describes
 
@@ -10,11 +10,12 @@ from sqlalchemy.orm import Session
 from service.jobs.queue import Lane, gap_for, turns
 from service.jobs.records import JobKind, JobState
 from service.schemas.query.facts import facts_of
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Part
+from service.storage.annotations import insert_labels
 from service.storage.database.database import is_postgres
 from service.storage.database.rows import database_now, new_id
 from service.storage.jobs.finishing import solved
-from service.storage.marks import insert_labels
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import AuditRow, JobRow
 from service.verdicts.cache_rows import Examination
@@ -90,13 +91,13 @@ _INSERT, _INSERT_AUDITS = insert(table_of(JobRow)), insert(table_of(AuditRow))
 
 def insert_jobs(
     session: Session,
-    problems: Sequence[tuple[Mapping[str, object], str]],
+    problems: Sequence[tuple[Part, str]],
     *,
     lane: Lane,
     priority: int,
     key_id: str | None,
     examinations: Sequence[Examination | None] = (),
-    marks: Sequence[Marks] = (),
+    annotations: Sequence[Annotation] = (),
     audited: str | None = None,
     kind: JobKind = JobKind.SOLVE,
 ) -> list[JobRow]:
@@ -115,7 +116,7 @@ def insert_jobs(
     given = next_turns(connection, lane=lane, priority=priority, key_id=key_id, seconds=[None] * len(waiting))
     turns = iter(given)
     values: list[dict[str, object]] = []
-    for (problem, digest), examination, mark in zip_longest(problems, examinations, marks):
+    for (problem, digest), examination, annotation in zip_longest(problems, examinations, annotations):
         solution_id = solutions.get(digest)
         reused = solution_id is not None
         values.append(
@@ -139,7 +140,7 @@ def insert_jobs(
                 "digest": digest,
                 "created_at": now,
                 "finished_at": now if reused else None,
-                "note": None if mark is None else mark.note,
+                "note": None if annotation is None else annotation.note,
             }
         )
     if values:
@@ -147,6 +148,6 @@ def insert_jobs(
     if audited is not None:
         audits = [{"job_id": each["id"], "solution_id": audited} for each in values]
         session.execute(_INSERT_AUDITS, audits)
-    made = zip(values, marks, strict=False)
-    insert_labels(session, JobRow, [(str(each["id"]), now, mark) for each, mark in made])
+    made = zip(values, annotations, strict=False)
+    insert_labels(session, JobRow, [(str(each["id"]), now, annotation) for each, annotation in made])
     return [JobRow(**each) for each in values]

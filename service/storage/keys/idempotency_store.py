@@ -5,6 +5,7 @@ from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.sql.dml import ReturningInsert
 
 from service.jobs.store import KEPT_SECONDS, GivenAnswer, GivenKey, KeyTakenError
+from service.schemas.reading.documents import Document
 from service.storage.database.database import Database, is_postgres
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.operations import IdempotencyKeyRow
@@ -101,5 +102,5 @@ def write_key(connection: Connection, given: GivenKey, answer: GivenAnswer) -> N
         raise KeyTakenError
 
 
-def _place(given: GivenKey) -> dict[str, object]:
+def _place(given: GivenKey) -> Document:
     return {"whose": given.principal, "name": given.key}

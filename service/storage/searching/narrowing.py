@@ -6,7 +6,7 @@ no statistics to know that before, and Postgres none of labels and of numbers wi
 that meet a condition are counted first in its index, up to a bound.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from sqlalchemy import ColumnElement, func, select
@@ -24,13 +24,13 @@ MOST = 10_000_000
 ROW = 40
 """Entries that are read in the time in which a row is looked up; more if the system has forgotten it."""
 
-_IN_AN_INDEX = ("=", "<", "<=", ">", ">=", "in")
+_IN_AN_INDEX = ("=", "<", "<=", ">", ">=", "in", "is not null")
 _IN_LABELS = ("id", "created_at")
 """Columns that the index of labels has, too."""
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Narrowed:
     """How the rows of a query are found."""
 
     source: Source
@@ -42,8 +42,8 @@ class Found:
 
 
 def met_by_few(
-    session: Session, source: Source, conditions: Sequence[Condition], asked: Iterable[Subject], bound: int
-) -> Found | None:
+    session: Session, source: Source, conditions: Sequence[Condition], asked: Sequence[Subject], bound: int
+) -> Narrowed | None:
     """Return how to find the rows that meet the conditions by what an index tells of one of them.
 
     Parameters
@@ -54,13 +54,12 @@ def met_by_few(
         The largest cost; None is returned if there is no such way.
     """
     about = _by_subject(source, conditions)
-    subjects = {*asked, *(each.subject for each in conditions)}
     counted = {subject: entries(session, source, each, bound) for subject, each in about.items()}
     counts = {subject: n for subject, n in counted.items() if n <= bound}
     best: tuple[int, Subject, Source, list[Subject]] | None = None
     for subject, count in counts.items():
         is_attached = source.attached(subject) is not None
-        view = source.through(subject, subjects) if is_attached else source
+        view = source.through(subject) if is_attached else source
         has_all = is_attached or subject.name in source.covering
         # What meets another condition is collected from its own table, if that is less than to look up rows.
         others = [
@@ -68,7 +67,9 @@ def met_by_few(
             for each, n in counts.items()
             if each != subject and source.attached(each) and not view.is_covered(each) and n <= ROW * count
         ]
-        is_whole = has_all and all(map(view.is_covered, subjects.difference([subject], others)))
+        settled = [condition for each in (subject, *others) for condition in about[each]]
+        read = {*asked, *(each.subject for each in conditions if each not in settled)}
+        is_whole = has_all and all(map(view.is_covered, read))
         looked_up = [
             n for each, n in counts.items() if each == subject or (has_all and view.is_covered(each))
         ]
@@ -84,20 +85,19 @@ def met_by_few(
         few = found_in_index(source, about[subject]).limit(2 * counts[subject] + MANY)
         found = [source.id.in_(few)]
     rest = tests(session, view, conditions, about[subject], [about[each] for each in others])
-    return Found(view, [*view.always, *found, *rest], cost)
+    return Narrowed(view, [*view.always, *found, *rest], cost)
 
 
 def met(
-    session: Session, source: Source, conditions: Sequence[Condition], asked: Iterable[Subject] = ()
-) -> Found:
+    session: Session, source: Source, conditions: Sequence[Condition], asked: Sequence[Subject] = ()
+) -> Narrowed:
     """Return how to find all rows that meet the conditions."""
-    subjects = list(asked)
     # Of columns the database has a good index, if not the best one, by itself.
     for bound in (MANY, MOST) if members(source, conditions) else (MANY,):
-        found = met_by_few(session, source, conditions, subjects, bound)
+        found = met_by_few(session, source, conditions, asked, bound)
         if found is not None:
             return found
-    return Found(source, [*source.always, *conditions_of(source, conditions)], None)
+    return Narrowed(source, [*source.always, *conditions_of(source, conditions)], None)
 
 
 def tests(
@@ -153,17 +153,21 @@ def slow_parts(
         if not has_index or condition.operator not in _IN_AN_INDEX:
             why = "no index finds what meets" if has_index else "no index has"
             yield "?where", f"{why} {subject.text} {condition.operator}: rows are tried one by one"
-    of_problem = {each.subject.text for each in conditions if source.has_number(each.subject)}
-    of_problem |= {key.subject.text for key in keys if source.has_number(key.subject)}
-    if len(of_problem) > 1:
-        both = " and ".join(sorted(of_problem))
-        yield "?where", f"no index has {both} together: rows are looked up if many have each"
+    asked = {each.subject.text for each in conditions if source.has_number(each.subject)}
+    read_too = [*(key.subject for key in keys), *read.get("?of", ())]
+    both = asked.union(each.text for each in read_too if source.has_number(each))
+    if asked and len(both) > 1:
+        yield (
+            "?where",
+            f"no index has {' and '.join(sorted(both))} together: rows are looked up if many have each",
+        )
     for key in keys[:1]:
         if not (source.has_index_of(key.subject) or key.subject.name in _IN_LABELS):
             yield "?order", f"no index has {key.subject.text}: all rows that match are sorted"
     for parameter, subjects in read.items():
         for subject in subjects:
-            if not source.is_covered(subject):
+            has_table = parameter == "?of" and source.has_number(subject)
+            if not source.is_covered(subject) and not has_table:
                 yield parameter, f"no index has {subject.text}: it is read from all rows that match"
 
 

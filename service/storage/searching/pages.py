@@ -22,7 +22,7 @@ from service.storage.searching.narrowing import (
     MANY,
     MOST,
     ROW,
-    Found,
+    Narrowed,
     entries,
     label_of_order,
     members,
@@ -67,11 +67,6 @@ class _Search:
     missing: tuple[OrderKey, ...] = ()
     """Keys before these of which the rows have no value."""
 
-    @property
-    def subjects(self) -> list[Subject]:
-        """What conditions and order are about."""
-        return [*(each.subject for each in self.conditions), *(key.subject for key in self.keys)]
-
 
 def find(session: Session, source: Source, query: ListQuery) -> FoundPage:
     """Return one page."""
@@ -115,7 +110,8 @@ def _found(search: _Search) -> list[_Row]:
         return _walked(search) or []
     bound = MANY
     while bound <= MOST:
-        few = met_by_few(search.session, search.source, search.conditions, search.subjects, bound)
+        sorted_by = [key.subject for key in search.keys]
+        few = met_by_few(search.session, search.source, search.conditions, sorted_by, bound)
         if bound > MANY and _is_shorter(search, bound if few is None or few.cost is None else few.cost):
             break
         if few is not None:
@@ -144,7 +140,7 @@ def _is_shorter(search: _Search, cost: int) -> bool:
     return each * (search.session.scalar(select(func.count()).select_from(some)) or 0) < cost
 
 
-def _sorted(search: _Search, few: Found) -> list[_Row]:
+def _sorted(search: _Search, few: Narrowed) -> list[_Row]:
     """Return the rows from those that meet the conditions, all of which are sorted."""
     source, given = few.source, few.given
     order = order_of(search.session, source, search.keys)
@@ -230,8 +226,9 @@ def _in_order(search: _Search, window: int | None) -> list[_Row] | None:
     others = [] if window is not None else members(source, tried)
     view = source
     if lead is not None and source.attached(lead) is not None:
-        collected = [about_one[0].subject for about_one in others]
-        view = source.through(lead, [each for each in search.subjects if each not in collected])
+        collected = [each for about_one in others for each in about_one]
+        asked = [each.subject for each in conditions if each not in collected]
+        view = source.through(lead, [*asked, *(key.subject for key in keys)])
     given = [*view.always, *conditions_of(view, about), *tests(session, view, conditions, about, others)]
     order = order_of(session, view, keys)
     order[0] = order[0].present

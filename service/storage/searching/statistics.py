@@ -4,6 +4,7 @@ A quartile is one of the numbers, the smallest that at least a quarter (half, th
 quarters) of them do not exceed; so it is exact, and the same on every database.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from typing import Any  # values and expressions of some type
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Select, func, select
+from sqlalchemy import Select, func, null, select
 from sqlalchemy.orm import Session
 
 from service.schemas.query.conditions import Condition, Kind, Subject, Value
@@ -86,30 +87,82 @@ def statistics(
 ) -> Iterator[Statistic]:
     """Yield the statistics of each number in each of the ``groups`` largest groups.
 
-    All rows that meet the conditions are read once, and sorted here: in SQL each quartile and each edge of
-    a bin is a walk through all of them.
+    The numbers are read once and sorted here: in SQL each quartile and each edge of a bin is a walk through
+    all of them. A number of the problem that has no column is read in its own table.
     """
+    codes: dict[Any, int] = {None: 0} if by is None else {}
+    together = [each for each in of if not source.has_number(each)]
+    found = _read(session, source, conditions, together, by, codes) if together else {}
+    rows = Counter(dict(enumerate(np.bincount(found[together[0]].groups).tolist()))) if together else None
+    for subject in of:
+        if subject not in found:
+            present = (*conditions, Condition(subject, "is not null"))
+            found |= _read(session, source, present, [subject], by, codes)
+    rows = _sizes(session, source, conditions, by, codes) if rows is None else rows
+    largest_first = sorted(codes, key=lambda value: (-rows[codes[value]], value is None, value or 0))
+    for subject in of:
+        for value in largest_first[:groups]:
+            numbers = found[subject].numbers[found[subject].groups == codes[value]]
+            missing = np.full(rows[codes[value]] - len(numbers), np.nan)
+            group = None if by is None else _plain(by, value)
+            yield statistic_of(subject.text, group, np.concatenate([numbers, missing]), bins)
+
+
+@dataclass(frozen=True, slots=True)
+class _Numbers:
+    """Numbers that have been read, each with the code of its group."""
+
+    numbers: FloatArray
+    groups: NDArray[np.intp]
+
+
+def _read(
+    session: Session,
+    source: Source,
+    conditions: Sequence[Condition],
+    of: Sequence[Subject],
+    by: Subject | None,
+    codes: dict[Any, int],
+) -> dict[Subject, _Numbers]:
+    """Return the numbers of the rows that meet the conditions; groups that are new get a code."""
     subjects = of if by is None else (*of, by)
     met_by = met(session, source, conditions, subjects)
-    view, given = met_by.source, met_by.given
+    view = met_by.source
     selected: list[Any] = [view.expression(each).label(f"value_{k}") for k, each in enumerate(subjects)]
-    statement = view.select(*selected).where(*given)
     numbers: list[list[FloatArray]] = [[np.empty(0)] for _ in of]
-    groups_of, codes = [np.empty(0, np.intp)], dict[Any, int]()
-    for part in _parts(session, statement):
-        *columns, last = zip(*part, strict=True) if by is not None else (*zip(*part, strict=True), ())
+    groups = [np.empty(0, np.intp)]
+    for part in _parts(session, view.select(*selected).where(*met_by.given)):
+        *columns, last = zip(*part, strict=True) if by is not None else (*zip(*part, strict=True), [None])
         for kept, column in zip(numbers, columns, strict=True):
             kept.append(np.array(column, dtype=np.float64))
-        groups_of.append(np.fromiter((codes.setdefault(each, len(codes)) for each in last), np.intp))
-    group, arrays = np.concatenate(groups_of), [np.concatenate(parts) for parts in numbers]
-    sizes = np.bincount(group, minlength=len(codes)).tolist()
-    largest_first = sorted(codes, key=lambda value: (-sizes[codes[value]], value is None, value or 0))
-    for subject, array in zip(of, arrays, strict=True):
-        if by is None:
-            yield statistic_of(subject.text, None, array, bins)
-        for value in largest_first[:groups]:
-            of_group = array[group == codes[value]]
-            yield statistic_of(subject.text, _plain(by, value) if by else None, of_group, bins)
+        in_groups = [codes.setdefault(each, len(codes)) for each in last]
+        groups.append(np.broadcast_to(np.array(in_groups, np.intp), len(part)))
+    group = np.concatenate(groups)
+    return {
+        subject: _Numbers(np.concatenate(parts), group) for subject, parts in zip(of, numbers, strict=True)
+    }
+
+
+def _sizes(
+    session: Session,
+    source: Source,
+    conditions: Sequence[Condition],
+    by: Subject | None,
+    codes: dict[Any, int],
+) -> Counter[int]:
+    """Return how many rows each group has, by its code."""
+    if by is None:
+        met_by = met(session, source, conditions)
+        counted = met_by.source.select(null(), func.count()).where(*met_by.given)
+    else:
+        met_by = met(session, source, conditions, [by])
+        rows = (
+            met_by.source.select(met_by.source.expression(by).label("value")).where(*met_by.given).subquery()
+        )
+        counted = select(rows.c.value, func.count()).group_by(rows.c.value)
+    return Counter(
+        {codes.setdefault(value, len(codes)): count for value, count in session.execute(counted) if count}
+    )
 
 
 def _parts(session: Session, statement: Select[Any]) -> Iterator[Sequence[Any]]:

@@ -1,18 +1,18 @@
 """Stores the jobs that draw atlases, and reads what they have drawn."""
 
-from collections.abc import Mapping
-
-from sqlalchemy import Connection, select
+from sqlalchemy import select
 
 from service.jobs.queue import Lane
 from service.jobs.records import AtlasNotFoundError, Job, JobKind, JobPage
-from service.jobs.store import Dispatcher, Receipt
+from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.marks import UNMARKED
-from service.storage.codecs.packing import Document, decode_document
+from service.schemas.reading.annotation import UNANNOTATED
+from service.schemas.reading.documents import Document
+from service.storage.codecs.packing import decode_document
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
-from service.storage.jobs.records import delivery_of, job_of, page_of_jobs
+from service.storage.jobs.queue import announce
+from service.storage.jobs.records import job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
 from service.storage.searching.sources import OF_ATLAS_ROWS
@@ -25,12 +25,12 @@ _ATLASES = table_of(AtlasRow)
 class AtlasStore:
     """Writes and reads atlases."""
 
-    def __init__(self, database: Database, dispatcher: Dispatcher[Connection]) -> None:
-        self._database, self._dispatcher = database, dispatcher
+    def __init__(self, database: Database) -> None:
+        self._database = database
 
     def submit(
         self,
-        document: Mapping[str, object],
+        document: Document,
         digest: str,
         *,
         priority: int = 0,
@@ -50,8 +50,8 @@ class AtlasStore:
                 key_id=key_id,
                 kind=JobKind.ATLAS,
             )
-            self._dispatcher.dispatch(session.connection(), [delivery_of(row)])
-            job = job_of(row, UNMARKED)
+            announce(self._database, session.connection())
+            job = job_of(row, UNANNOTATED)
             if receipt is not None:
                 write_key(session.connection(), receipt.given, receipt.answer((job,)))
             return job

@@ -1,22 +1,24 @@
 """Stores audits, jobs that solve the problem of a stored solution again, and reads their comparisons."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import Connection, select
+from sqlalchemy import select
 
 from service.jobs.queue import Lane
 from service.jobs.records import AuditNotFoundError, Job, JobPage, SolutionNotFoundError
-from service.jobs.store import Dispatcher, Receipt
+from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.marks import UNMARKED
+from service.schemas.reading.annotation import UNANNOTATED
+from service.schemas.reading.documents import Part
+from service.storage.annotations import annotations_of
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
 from service.storage.examinations import store_rows
-from service.storage.jobs.records import delivery_of, job_of, page_of_jobs
+from service.storage.jobs.queue import announce
+from service.storage.jobs.records import job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
-from service.storage.marks import marks_of
 from service.storage.searching.sources import audits_of
 from service.storage.tables.jobs import AuditRow, JobRow
 from service.storage.tables.solutions import SolutionRow
@@ -30,7 +32,7 @@ class Audit:
     job: Job
     solution_id: str
     """The audited solution; the job's own is the new one."""
-    comparison: Mapping[str, object] | None
+    comparison: Part | None
     """The comparison of the two solutions; None as long as there is no second one."""
 
 
@@ -45,13 +47,13 @@ class AuditPage:
 class AuditStore:
     """Writes and reads audits."""
 
-    def __init__(self, database: Database, dispatcher: Dispatcher[Connection]) -> None:
-        self._database, self._dispatcher = database, dispatcher
+    def __init__(self, database: Database) -> None:
+        self._database = database
 
     def submit(
         self,
         solution_id: str,
-        problem: Mapping[str, object],
+        problem: Part,
         digest: str,
         *,
         priority: int = 0,
@@ -84,8 +86,8 @@ class AuditStore:
                 examinations=[examination],
                 audited=solution_id,
             )
-            self._dispatcher.dispatch(session.connection(), [delivery_of(row)])
-            job = job_of(row, UNMARKED)
+            announce(self._database, session.connection())
+            job = job_of(row, UNANNOTATED)
             if receipt is not None:
                 write_key(session.connection(), receipt.given, receipt.answer((job,)))
             return job
@@ -97,7 +99,7 @@ class AuditStore:
                 row = session.get(JobRow, audit_id)
                 audit = session.get(AuditRow, audit_id)
                 if row is not None and audit is not None and audit.solution_id == solution_id:
-                    return Audit(job_of(row, *marks_of(session, [row])), solution_id, audit.comparison)
+                    return Audit(job_of(row, *annotations_of(session, [row])), solution_id, audit.comparison)
         raise AuditNotFoundError(solution_id, audit_id)
 
     def find(self, solution_id: str, query: ListQuery) -> AuditPage:

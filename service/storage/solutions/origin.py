@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 from service.jobs.records import Attempt, SolutionNotFoundError
+from service.storage.annotations import annotations_of
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
 from service.storage.jobs.moves import history
-from service.storage.marks import marks_of
 from service.storage.solutions.solution_store import Solution, solution_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.solutions import SolutionRow
@@ -35,7 +35,7 @@ def origin_of(database: Database, solution_id: str) -> SolutionOrigin:
             raise SolutionNotFoundError(solution_id)
         job = session.get(JobRow, row.job_id)
         return SolutionOrigin(
-            solution_of(row, *marks_of(session, [row])),
+            solution_of(row, *annotations_of(session, [row])),
             row.digest,
             None if job is None else job.examination,
             None if job is None else job.examined_seconds,

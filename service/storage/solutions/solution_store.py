@@ -13,13 +13,13 @@ from sqlalchemy.orm import Session
 
 from service.jobs.records import SolutionNotFoundError
 from service.schemas.query.conditions import ListQuery, Value
+from service.schemas.reading.annotation import Annotation
 from service.schemas.reading.documents import Part
-from service.schemas.reading.marks import Marks
 from service.schemas.replies.summary import SolutionSummary
+from service.storage.annotations import annotations_of, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import instant, is_id, rows_of_page
 from service.storage.jobs.finishing import solved
-from service.storage.marks import marks_of, rewrite
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
@@ -35,7 +35,7 @@ class Solution:
     problem: Part
     summary: SolutionSummary
     created_at: datetime
-    marks: Marks
+    annotation: Annotation
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,19 +61,19 @@ class SolutionStore:
         """Return a solution, or raise :class:`SolutionNotFoundError`."""
         with self._database.read() as session:
             row = _row(session, solution_id)
-            return solution_of(row, *marks_of(session, [row]))
+            return solution_of(row, *annotations_of(session, [row]))
 
-    def mark(self, solution_id: str, change: Callable[[Solution], Marks]) -> Solution:
+    def annotate(self, solution_id: str, change: Callable[[Solution], Annotation]) -> Solution:
         """Give a solution the labels and the note that ``change`` makes of those that it has.
 
         Nothing is changed if it raises. Raises :class:`SolutionNotFoundError`.
         """
         with self._database.write() as session:
             row = _row(session, solution_id, is_locked=True)
-            solution = solution_of(row, *marks_of(session, [row]))
-            marks = change(solution)
-            rewrite(session, row, marks, solution.marks.labels)
-            return replace(solution, marks=marks)
+            solution = solution_of(row, *annotations_of(session, [row]))
+            annotation = change(solution)
+            rewrite(session, row, annotation, solution.annotation.labels)
+            return replace(solution, annotation=annotation)
 
     def of_problem(self, digest: str) -> str | None:
         """Return the id of the first solution of the problem with this digest, None if there is none."""
@@ -85,7 +85,7 @@ class SolutionStore:
         with self._database.search() as session:
             found = find(session, OF_SOLUTION_ROWS, query)
             rows = [] if query.columns else rows_of_page(session, SolutionRow, found.ids)
-            solutions = tuple(map(solution_of, rows, marks_of(session, rows)))
+            solutions = tuple(map(solution_of, rows, annotations_of(session, rows)))
             return SolutionPage(solutions, found.total, found.values, found.next)
 
     def dense(self, solution_id: str) -> bytes:
@@ -120,7 +120,7 @@ def _row(session: Session, solution_id: str, *, is_locked: bool = False) -> Solu
     return row
 
 
-def solution_of(row: SolutionRow, marks: Marks) -> Solution:
+def solution_of(row: SolutionRow, annotation: Annotation) -> Solution:
     """Return the record of a row."""
     return Solution(
         id=row.id,
@@ -128,5 +128,5 @@ def solution_of(row: SolutionRow, marks: Marks) -> Solution:
         problem=row.problem,
         summary=row.summary,
         created_at=instant(row.created_at),
-        marks=marks,
+        annotation=annotation,
     )

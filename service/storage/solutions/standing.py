@@ -7,7 +7,7 @@ from typing import Any  # the types of the columns of a table that is not mapped
 from sqlalchemy import Connection, Select, bindparam, exists, select
 
 from service.jobs.records import SolutionNotFoundError
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
 from service.storage.tables.base import table_of
@@ -35,13 +35,13 @@ def standing_of(database: Database, solution_id: str) -> SolutionStanding:
         return _found(connection, solution_id)[0]
 
 
-def standing_and_marks(database: Database, solution_id: str) -> tuple[SolutionStanding, Marks]:
+def standing_and_annotation(database: Database, solution_id: str) -> tuple[SolutionStanding, Annotation]:
     """Return what a solution is, with its labels and its note, or raise :class:`SolutionNotFoundError`."""
     _require_id(solution_id)
     with database.read_rows() as connection:
         standing, note = _found(connection, solution_id)
         labels = connection.execute(_labels(), {"id": solution_id}).all()
-    return standing, Marks(dict(sorted((key, value) for key, value in labels)), note)
+    return standing, Annotation(dict(sorted((key, value) for key, value in labels)), note)
 
 
 def _require_id(solution_id: str) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cache
 from typing import Any  # the types of the columns of a table that is not mapped
 
-from sqlalchemy import Connection, Select, bindparam, select
+from sqlalchemy import Select, bindparam, select
 from sqlalchemy.orm import Session, defer
 
 from service.jobs.chunking import RECENT_SECONDS, ChunkRun, pilot, remaining_seconds
@@ -20,20 +20,20 @@ from service.jobs.records import (
     SweepProgress,
     SweepRecord,
 )
-from service.jobs.store import Dispatcher, Receipt
+from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.query.facts import facts_of
-from service.schemas.reading.marks import UNMARKED, Marks
+from service.schemas.reading.annotation import UNANNOTATED, Annotation
+from service.schemas.reading.documents import Part
+from service.storage.annotations import annotations_of, insert_labels, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant, is_id, new_id, optional_instant, rows_of_page
 from service.storage.jobs import chunks
-from service.storage.jobs.records import delivery_of
-from service.storage.jobs.table_dispatcher import TableDispatcher
+from service.storage.jobs.queue import announce
 from service.storage.keys.idempotency_store import write_key
-from service.storage.marks import insert_labels, marks_of, rewrite
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SWEEP_ROWS
-from service.storage.tables.base import Document, table_of
+from service.storage.tables.base import table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
@@ -54,21 +54,19 @@ class StoredChunk:
 class SweepStore:
     """Writes and reads sweeps and their points."""
 
-    def __init__(self, database: Database, dispatcher: Dispatcher[Connection] | None = None) -> None:
-        """Without a dispatcher, workers poll the table."""
+    def __init__(self, database: Database) -> None:
         self._database = database
-        self._dispatcher = TableDispatcher() if dispatcher is None else dispatcher
 
     def submit(
         self,
-        document: Document,
+        document: Part,
         *,
         points: int,
         most: int,
         priority: int = 0,
         key_id: str | None = None,
         receipt: Receipt[SweepRecord] | None = None,
-        marks: Marks = UNMARKED,
+        annotation: Annotation = UNANNOTATED,
     ) -> SweepRecord:
         """Store a sweep and its first chunk only, however many points it has, and the answer of a receipt.
 
@@ -89,14 +87,14 @@ class SweepStore:
                 priority=priority,
                 key_id=key_id,
                 created_at=database_now(session),
-                note=marks.note,
+                note=annotation.note,
             )
             session.add(row)
             session.flush()
-            insert_labels(session, SweepRow, [(row.id, row.created_at, marks)])
-            jobs = chunks.queue_chunks(session, row, [first], most)
+            insert_labels(session, SweepRow, [(row.id, row.created_at, annotation)])
+            chunks.queue_chunks(session, row, [first], most)
             session.flush()
-            self._dispatcher.dispatch(session.connection(), [delivery_of(job) for job in jobs])
+            announce(self._database, session.connection())
             record = _record(session, row)
             if receipt is not None:
                 write_key(session.connection(), receipt.given, receipt.answer(record))
@@ -116,7 +114,7 @@ class SweepStore:
             )
             return SweepPage(tuple(_progress(session, rows)), found.total, found.values, found.next)
 
-    def mark(self, sweep_id: str, change: Callable[[SweepRecord], Marks]) -> SweepRecord:
+    def annotate(self, sweep_id: str, change: Callable[[SweepRecord], Annotation]) -> SweepRecord:
         """Give a sweep the labels and the note that ``change`` makes of its present state.
 
         Nothing is changed if it raises. Raises :class:`SweepNotFoundError`.
@@ -126,9 +124,9 @@ class SweepStore:
             if row is None:
                 raise SweepNotFoundError(sweep_id)
             record = _record(session, row)
-            marks = change(record)
-            rewrite(session, row, marks, record.marks.labels)
-            return replace(record, marks=marks)
+            annotation = change(record)
+            rewrite(session, row, annotation, record.annotation.labels)
+            return replace(record, annotation=annotation)
 
     def cancel(self, sweep_id: str) -> SweepRecord:
         """Cancel an unfinished sweep and its chunks at once; cancelling again changes nothing.
@@ -176,12 +174,12 @@ def _row(session: Session, sweep_id: str) -> SweepRow:
     return row
 
 
-def _facts(document: Document) -> Mapping[str, object]:
+def _facts(document: Part) -> Part:
     base = document.get("base")
     return facts_of(base) if isinstance(base, Mapping) else {}
 
 
-def _bounds(stored: Document) -> dict[str, tuple[float, float]]:
+def _bounds(stored: Part) -> dict[str, tuple[float, float]]:
     bounds = {}
     for name, pair in stored.items():
         assert isinstance(pair, list)
@@ -197,7 +195,7 @@ def _record(session: Session, row: SweepRow) -> SweepRecord:
 
 def _progress(session: Session, rows: Sequence[SweepRow]) -> Iterator[SweepProgress]:
     remaining = _remaining(session, [row for row in rows if row.state == JobState.RUNNING.value])
-    for row, marks in zip(rows, marks_of(session, rows), strict=True):
+    for row, annotation in zip(rows, annotations_of(session, rows), strict=True):
         yield SweepProgress(
             id=row.id,
             state=JobState(row.state),
@@ -212,7 +210,7 @@ def _progress(session: Session, rows: Sequence[SweepRow]) -> Iterator[SweepProgr
             started_at=optional_instant(row.started_at),
             finished_at=optional_instant(row.finished_at),
             way=row.way,
-            marks=marks,
+            annotation=annotation,
         )
 
 
@@ -260,14 +258,16 @@ def chunk_runs(session: Session, sweep_ids: Collection[str], since: float) -> di
     at_work = select(JobRow.sweep_id, JobRow.problem, JobRow.started_at).where(
         JobRow.state == JobState.RUNNING.value, JobRow.sweep_id.in_(sweep_ids)
     )
-    rows = [(str(each[0]), _first(each[1]), each[2], each[3]) for each in session.execute(ended)]
+    rows = [
+        (str(each[0]), chunks.range_of(each[1]).first, each[2], each[3]) for each in session.execute(ended)
+    ]
     brought = _points(session, {(sweep_id, first) for sweep_id, first, _, _ in rows})
     runs: dict[str, list[ChunkRun]] = {sweep_id: [] for sweep_id in sweep_ids}
     for sweep_id, first, started_at, ended_at in rows:
         if first:
             runs[sweep_id].append(ChunkRun(started_at, ended_at, brought.get((sweep_id, first), 0)))
     for each in session.execute(at_work):
-        if _first(each[1]) and each[2] is not None:
+        if chunks.range_of(each[1]).first and each[2] is not None:
             runs[str(each[0])].append(ChunkRun(each[2], None, 0))
     return runs
 
@@ -281,12 +281,6 @@ def _points(session: Session, starts: Collection[tuple[str, int]]) -> dict[tuple
         SweepChunkRow.first.in_({first for _, first in starts}),
     )
     return {(sweep_id, first): count for sweep_id, first, count in session.execute(statement)}
-
-
-def _first(problem: Mapping[str, object]) -> int:
-    first = problem["first"]
-    assert isinstance(first, int)
-    return first
 
 
 _SWEEPS = table_of(SweepRow)

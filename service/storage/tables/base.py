@@ -5,7 +5,6 @@ double keeps microseconds, is the same type in SQLite and Postgres, and leases
 can be compared and prolonged with plain arithmetic in either.
 """
 
-from collections.abc import Mapping
 from enum import StrEnum
 from typing import ClassVar, cast
 
@@ -16,7 +15,7 @@ from sqlalchemy.orm import DeclarativeBase
 from sqlalchemy.sql.compiler import SQLCompiler
 from sqlalchemy.sql.functions import FunctionElement
 
-Document = Mapping[str, object]
+from service.schemas.reading.documents import Document
 
 ASKED_DOCUMENT = JSON(none_as_null=True).with_variant(JSONB(none_as_null=True), "postgresql")
 """A small flat document whose values conditions compare: on Postgres parsed once, when it is written."""

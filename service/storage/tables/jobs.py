@@ -5,8 +5,9 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, JobKind, JobState
-from service.schemas.reading.marks import LONGEST_NOTE
-from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Document, Word
+from service.schemas.reading.annotation import LONGEST_NOTE
+from service.schemas.reading.documents import Document
+from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Word
 from service.storage.tables.solutions import SolutionRow
 from service.storage.tables.sweeps import SweepRow
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from sqlalchemy import ForeignKey, Index, String, Uuid
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.schemas.reading.marks import LONGEST_KEY, LONGEST_VALUE
+from service.schemas.reading.annotation import LONGEST_KEY, LONGEST_VALUE
 from service.storage.tables.base import Base
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.solutions import SolutionRow

@@ -4,7 +4,8 @@ from sqlalchemy import JSON, BigInteger, String, Uuid, true
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.keys import Role
-from service.storage.tables.base import Base, Document, Word
+from service.schemas.reading.documents import Document
+from service.storage.tables.base import Base, Word
 
 
 class ApiKeyRow(Base):

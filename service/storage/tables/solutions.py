@@ -5,9 +5,10 @@ from collections.abc import Iterator
 from sqlalchemy import JSON, ForeignKey, Index, PrimaryKeyConstraint, String, Text, Uuid
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.schemas.reading.marks import LONGEST_NOTE
+from service.schemas.reading.annotation import LONGEST_NOTE
+from service.schemas.reading.documents import Document
 from service.schemas.replies.summary import SolutionSummary
-from service.storage.tables.base import ASKED_DOCUMENT, Base, Document
+from service.storage.tables.base import ASKED_DOCUMENT, Base
 
 ASKED = (
     "family", "method", "tier", "stability", "aperiodic",

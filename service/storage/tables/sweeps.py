@@ -4,8 +4,9 @@ from sqlalchemy import JSON, BigInteger, CheckConstraint, ForeignKey, Index, Str
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.records import JobState
-from service.schemas.reading.marks import LONGEST_NOTE
-from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Document, Word
+from service.schemas.reading.annotation import LONGEST_NOTE
+from service.schemas.reading.documents import Document
+from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Word
 
 
 class SweepRow(Base):

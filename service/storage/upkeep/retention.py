@@ -78,13 +78,16 @@ def prune_samples(
 
 
 class Retention:
-    """A thread that prunes now and then while a service runs.
+    """A thread that prunes now and then while a service runs; several services may run it at once.
 
-    Without ``older_than_seconds`` samples are kept for ever; examinations are trimmed in any case.
+    Without ``older_than_seconds`` samples are kept for ever; examinations are trimmed in any case, and
+    answers deleted after their day.
     """
 
-    def __init__(self, database: Database, *, older_than_seconds: float | None) -> None:
-        self._database = database
+    def __init__(
+        self, database: Database, answers: IdempotencyStore, *, older_than_seconds: float | None
+    ) -> None:
+        self._database, self._answers = database, answers
         self._older_than_seconds = older_than_seconds
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._keep, name="retention", daemon=True)
@@ -96,14 +99,20 @@ class Retention:
         self._thread.join()
 
     def _keep(self) -> None:
-        while not self._stopping.is_set():
+        is_first = True
+        while True:
             try:
+                # Not at once: a service that is killed and started again and again has better things to do.
+                if not is_first:
+                    self._answers.forget_old()
                 self._prune()
             except _StoppedError:
                 return
             except SQLAlchemyError as fault:
                 logger.warning("old data could not be deleted: %s", type(fault).__name__)
-            self._stopping.wait(ROUND_SECONDS)
+            is_first = False
+            if self._stopping.wait(ROUND_SECONDS):
+                return
 
     def _prune(self) -> None:
         trimmed = ExaminationStore(self._database).trim()
@@ -161,26 +170,3 @@ def _delete(session: Session, solution_ids: list[str]) -> Pruned:
     for key_id in sorted(by_key):
         charge(session.connection(), key_id, -by_key[key_id])
     return Pruned(len(sizes), sum(sizes.values()))
-
-
-class Forgetting:
-    """Runs while a service does; several services may run it at once."""
-
-    def __init__(self, store: IdempotencyStore) -> None:
-        self._store = store
-        self._stopping = threading.Event()
-        self._thread = threading.Thread(target=self._keep, name="forgetting", daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        """Stop after the round that runs."""
-        self._stopping.set()
-        self._thread.join()
-
-    def _keep(self) -> None:
-        # Not at once: a service that is killed and started again and again has better things to do.
-        while not self._stopping.wait(ROUND_SECONDS):
-            try:
-                self._store.forget_old()
-            except SQLAlchemyError as fault:
-                logger.warning("old answers could not be deleted: %s", type(fault).__name__)

@@ -270,7 +270,7 @@ def test_streams_end_when_the_service_stops(app, jobs, template):
             path = template.format((await submit(jobs)).id)
             async with Stream(app, path) as stream:
                 await stream.next()
-                app.state.resources.doorbell.close()
+                app.state.resources.wake_up.close()
                 names = [event.name for event in await stream.rest()]
         # The end of a job is sent when the job has ended: its stream only breaks off.
         assert names[-1:] == (["end"] if path == "/v1/events" else [])
@@ -287,7 +287,7 @@ def test_a_message_of_a_worker_is_told_at_once(app, jobs, monkeypatch):
             async with Stream(app, f"/v1/jobs/{job.id}/events") as stream:
                 await stream.next()
                 await asyncio.to_thread(jobs.cancel, job.id)
-                app.state.resources.doorbell.announce(job.id)
+                app.state.resources.wake_up.announce(job.id)
                 assert [event.name for event in await stream.rest()] == ["job", "end"]
 
     run(live)

@@ -15,7 +15,7 @@ from service.api.replies.conditional import (
 from service.api.tagged import TAGGED
 from service.cache import Cache
 from service.jobs.keys import Role
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
 from service.storage.database.database import Database
 from service.storage.keys.key_store import KeyStore
 from service.storage.solutions.atlas_store import AtlasStore
@@ -211,7 +211,7 @@ def test_304_sees_what_another_process_has_changed(client, stored, database, sol
 
     answers = ask()
     assert again(answers) == again(answers) == [304, 304, 304]
-    solutions.mark(stored.solution_id, lambda solution: Marks({"project": "thesis"}))
+    solutions.annotate(stored.solution_id, lambda solution: Annotation({"project": "thesis"}))
     assert again(answers) == [200, 304, 304]
     answers = ask()
     assert again(answers) == [304, 304, 304]

@@ -78,8 +78,8 @@ def test_what_a_bucket_tells_is_what_it_gives(rate, taken):
     bucket = TokenBucket(rate, 0.0)
     for _ in range(taken):
         bucket.take(0.0)
-    left, seconds = map(int, RATE.fullmatch(bucket.told()["RateLimit"]).groups())
-    quota = int(POLICY.fullmatch(bucket.told()["RateLimit-Policy"])[1])
+    left, seconds = map(int, RATE.fullmatch(bucket.headers()["RateLimit"]).groups())
+    quota = int(POLICY.fullmatch(bucket.headers()["RateLimit-Policy"])[1])
     assert [bucket.take(0.0) == 0.0 for _ in range(left + 1)] == [True] * left + [False]
     fresh = TokenBucket(rate, 0.0)
     for _ in range(taken):

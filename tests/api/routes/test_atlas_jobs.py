@@ -128,7 +128,7 @@ def test_a_client_may_wait_for_the_job(client, jobs):
         while not client.get("/v1/atlases").json()["items"]:
             pass
         its_id = work(jobs)
-        client.app.state.resources.doorbell.announce(its_id)
+        client.app.state.resources.wake_up.announce(its_id)
         answer = asking.result()
     assert (answer.status_code, answer.json()["atlas"]) == (202, its_id)
     assert answer.headers["preference-applied"] == "wait=30"

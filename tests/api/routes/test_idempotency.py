@@ -74,10 +74,10 @@ def test_a_refused_request_leaves_its_key_free(client):
 def test_who_waits_gets_the_finished_job_again(client, app, jobs):
     def work():
         finish(jobs)
-        app.state.resources.doorbell.announce(list_jobs(jobs).jobs[0].id)
+        app.state.resources.wake_up.announce(list_jobs(jobs).jobs[0].id)
 
     worker = threading.Thread(target=work)
-    app.state.resources.doorbell.ring = lambda: worker.start()
+    app.state.resources.wake_up.notify = lambda: worker.start()
     first = send(client, Prefer="wait=30")
     worker.join()
     again = send(client, Prefer="wait=30")

@@ -60,14 +60,14 @@ def test_another_problem_is_not_mistaken_for_it(client, stored):
 def test_waiting_ends_with_the_job(client, app, jobs):
     def work():
         finish(jobs)
-        app.state.resources.doorbell.announce(list_jobs(jobs).jobs[0].id)
+        app.state.resources.wake_up.announce(list_jobs(jobs).jobs[0].id)
 
     def ring():
         worker.start()
 
-    # The bell rings when the job is stored: then a worker takes it.
+    # The wake-up socket is notified when the job is stored: then a worker takes it.
     worker = threading.Thread(target=work)
-    app.state.resources.doorbell.ring = ring
+    app.state.resources.wake_up.notify = ring
     response = submit(client, Prefer="respond-async, wait=30")
     worker.join()
     assert response.status_code == 200

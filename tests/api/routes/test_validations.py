@@ -131,6 +131,16 @@ def test_a_plan_tells_all_four_tiers(client):
     assert plan["expected_seconds"] == tiers[2]["expected_seconds"]
 
 
+def test_an_unusual_motion_is_not_expected_to_take_as_long_as_others(client):
+    document = {**PLANAR, "body": {"A": 7, "C": 5}}
+    document["potential"] = {"type": "expression", "expression": "-abs(g1)^(4/7)"}
+    plan = validated(client, document)["plan"]
+    assert [remark["code"] for remark in plan["remarks"]] == ["pole_passage"]
+    assert plan["expected_seconds"] is None
+    for each in plan["tiers"]:
+        assert (each["expected_seconds"], each["expected_error"], each["unavailable"]) == (None, None, None)
+
+
 def test_a_plan_tells_why_there_is_no_solution_at_a_tier(client):
     *others, certified = validated(client, STATE)["plan"]["tiers"]
     assert [each["unavailable"] for each in others] == [None, None, None]

@@ -295,10 +295,10 @@ def test_waiting_for_jobs_holds_no_thread(sqlite_url, children):
     async def act(client, inside):
         wait = {"Prefer": "wait=60"}
         asked = [asyncio.create_task(client.post("/v1/jobs", json=STATE, headers=wait)) for _ in range(60)]
-        await until(lambda: len(inside.doorbell._waiting) == 60)
+        await until(lambda: len(inside.wake_up._waiting) == 60)
         # More than there are threads; and others are served.
         assert (await client.get("/v1/jobs")).json()["total"] == 60
-        inside.doorbell.close()
+        inside.wake_up.close()
         answers = await asyncio.gather(*asked)
         assert Counter(answer.status_code for answer in answers) == {202: 60}
         assert inside.waiting._value == 100

@@ -17,7 +17,7 @@ from service.schemas.atlas.reading import read_atlas, trusted_atlas
 from service.schemas.problem.problem import check_problem, read_question
 from service.schemas.problem.questions import trusted_question
 from service.schemas.problem.trusted import curve_of, potential_of, trusted_problem
-from service.schemas.reading.marks import split_marks
+from service.schemas.reading.annotation import split_annotation
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import trusted_sweep
 from tests.conformance.specimens import SPECIMENS
@@ -34,7 +34,7 @@ PROBLEMS = {
     **{specimen.name: specimen.document for specimen in SPECIMENS},
     **{name: example_of(case) for name, case in CASES.items()},
     **{name: each for name, each in FILES.items() if "time" in each},
-    **{f"job {name}": split_marks(each["value"])[0] for name, each in JOBS.items()},
+    **{f"job {name}": split_annotation(each["value"])[0] for name, each in JOBS.items()},
 }
 
 

@@ -17,5 +17,5 @@ def test_another_encoding_than_utf8_is_refused_with_what_helps(other_encoding):
     with pytest.raises(EncodingError, match=encoding):
         migrate(url)
     with pytest.raises(MigrationError, match="ENCODING 'UTF8'") as refused:
-        migrate_or_explain(url, engine_name="procrastinate")
+        migrate_or_explain(url)
     assert len(str(refused.value).splitlines()) == 1

@@ -17,7 +17,7 @@ from service.storage.database.database import make_engine
 from service.storage.database.migration import migrate
 from service.storage.database.revisions import migrations_folder
 from service.storage.database.rows import new_id
-from service.storage.jobs.table_dispatcher import TableDispatcher
+from service.storage.jobs.queue import first_jobs
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.schema import METADATA
 from tests.support.databases import FIRST, upgrade_to, url_of
@@ -77,8 +77,8 @@ def lines_of(statement):
     return sorted(line.strip(" \t,;") for line in statement.splitlines())
 
 
-@pytest.mark.parametrize(("owed", "index"), [((), "ix_jobs_queue"), ((Lane.SWEEP,), "ix_jobs_lanes")])
-def test_a_claim_needs_no_sorting_however_long_the_queue(database, owed, index):
+@pytest.mark.parametrize(("starved", "index"), [((), "ix_jobs_queue"), ((Lane.SWEEP,), "ix_jobs_lanes")])
+def test_a_claim_needs_no_sorting_however_long_the_queue(database, starved, index):
     plans = []
 
     def explain(connection, cursor, statement, parameters, context, executemany):
@@ -95,10 +95,10 @@ def test_a_claim_needs_no_sorting_however_long_the_queue(database, owed, index):
         session.execute(text("ANALYZE"))
     with database.write() as session:
         event.listen(database.engine, "before_cursor_execute", explain)
-        taken = TableDispatcher().take(session.connection(), 2, owed)
-    first = rows[0]["id"] if owed else rows[1]["id"]
-    assert taken == [first, rows[2]["id"] if not owed else rows[1]["id"]]
-    assert len(plans) == 1 + len(owed)
+        taken = first_jobs(session.connection(), 2, starved)
+    first = rows[0]["id"] if starved else rows[1]["id"]
+    assert taken == [first, rows[2]["id"] if not starved else rows[1]["id"]]
+    assert len(plans) == 1 + len(starved)
     assert index in plans[0]
     for plan in plans:
         assert "B-TREE" not in plan

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from service.app import create_app
 from service.cli.commands import app
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.settings import Settings
 from service.storage.database.database import make_engine
 from service.storage.database.migration import migrate
@@ -65,9 +65,9 @@ def test_a_worker_refuses_it_in_one_line(newer_url, is_alone, capsys, monkeypatc
     # A worker chooses one thread for its process; later tests here, and their children, keep what they had.
     monkeypatch.setattr("workers.process.start.use_one_thread", lambda: None)
     monkeypatch.setattr("workers.cli.main.start_logging", lambda *_: None)
-    bell = Doorbell()
-    assert run(wake_fd=None if is_alone else bell.new_line().detach()) == 1
-    bell.close()
+    wake_up = WakeUpSocket()
+    assert run(wake_fd=None if is_alone else wake_up.new_socket().detach()) == 1
+    wake_up.close()
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert_said(said)

@@ -9,13 +9,12 @@ from sqlalchemy.orm import Session
 
 from service.jobs.keys import Role
 from service.jobs.records import AtlasResult, JobState, Solved
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import Database
 from service.storage.database.sqlite_file import file_of
 from service.storage.inspection.inspect import inspect, invariants, repair
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.jobs.table_dispatcher import TableDispatcher
 from service.storage.keys.key_store import KeyStore
 from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
@@ -32,7 +31,7 @@ def claim(jobs, lease_seconds=600.0):
     return jobs.claim("worker", lease_seconds=lease_seconds)
 
 
-MARKS = Marks({"project": "thesis"}, "to be looked at")
+ANNOTATION = Annotation({"project": "thesis"}, "to be looked at")
 
 
 def solve(jobs, digest, **of):
@@ -57,12 +56,12 @@ def live(database):
     """Do all that can be done, in the ordinary way; return the ids of some of it."""
     jobs, sweeps = SqlJobStore(database), SweepStore(database)
     key, _ = KeyStore(database).create(Role.SUBMIT)
-    solved = solve(jobs, "solved", key_id=key.id, marks=MARKS)
+    solved = solve(jobs, "solved", key_id=key.id, annotation=ANNOTATION)
     audited = jobs.submit(PROBLEM, "solved")
     assert audited.reused
-    AuditStore(database, TableDispatcher()).submit(audited.solution_id, PROBLEM, "audited", key_id=key.id)
+    AuditStore(database).submit(audited.solution_id, PROBLEM, "audited", key_id=key.id)
     assert jobs.finish(claim(jobs), Solved(SUMMARY, b"dense", b"samples", {"verdict": "agrees"}))[0]
-    AtlasStore(database, TableDispatcher()).submit({"lambda": [1, 2]}, "drawn", key_id=key.id)
+    AtlasStore(database).submit({"lambda": [1, 2]}, "drawn", key_id=key.id)
     assert jobs.finish(claim(jobs), AtlasResult(encode_document({"parts": []})))[0]
     jobs.submit(PROBLEM, "refused")
     jobs.finish_failure(claim(jobs), {"code": "no_motion", "detail": "none"})
@@ -74,7 +73,8 @@ def live(database):
     claim(jobs)
     jobs.cancel(stopped.id)
     done, begun, ended = (
-        sweeps.submit(SWEEP, points=n, most=100, key_id=key.id, marks=MARKS) for n in (40, 4000, 4000)
+        sweeps.submit(SWEEP, points=n, most=100, key_id=key.id, annotation=ANNOTATION)
+        for n in (40, 4000, 4000)
     )
     work_on(jobs, sweeps, done.id, 40)
     work_on(jobs, sweeps, begun.id, 200)

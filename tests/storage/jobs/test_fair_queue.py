@@ -37,8 +37,8 @@ def submit(jobs):
     return submit
 
 
-def take(jobs, count=1, owed=()):
-    return jobs.take("worker", count, lease_seconds=60.0, owed=owed).claims
+def take(jobs, count=1, starved=()):
+    return jobs.take("worker", count, lease_seconds=60.0, starved=starved).claims
 
 
 def keys_in_order(jobs, count):
@@ -88,8 +88,8 @@ def test_problems_are_taken_together_in_order_and_nothing_else_is(jobs, sweeps, 
     urgent = submit(2, priority=1)
     listed, singles = submit(3, lane=Lane.LIST), submit(4)
 
-    def taken(count, together, owed=()):
-        claims = jobs.take("worker", count, lease_seconds=60.0, owed=owed, together=together).claims
+    def taken(count, together, starved=()):
+        claims = jobs.take("worker", count, lease_seconds=60.0, starved=starved, together=together).claims
         return [claim.job_id if claim.lane is not Lane.SWEEP else "chunk" for claim in claims]
 
     # Not across priorities: a chunk may be more urgent than the problems that follow.
@@ -126,7 +126,7 @@ def test_a_finished_job_is_followed_by_one_of_a_lane_that_is_owed_it(jobs, sweep
     queue_sweep(sweeps, jobs)
     submit(2)
     (claim,) = take(jobs)
-    solved = jobs.finish(claim, SOLUTION, then_take=1, lease_seconds=60.0, owed=(Lane.SWEEP,))
+    solved = jobs.finish(claim, SOLUTION, then_take=1, lease_seconds=60.0, starved=(Lane.SWEEP,))
     assert [claim.lane for claim in solved[1].claims] == [Lane.SWEEP]
 
 

@@ -48,7 +48,7 @@ def test_workers_of_one_host_work_together(registry, database):
 def test_beside_a_living_worker_of_another_host_a_local_one_does_not_start(registry, database):
     registry.enter(worker("there", "other"), alone=False)
     let_pass(database, 2.5 * LEASE)
-    with pytest.raises(OtherHostError, match=r"there works .* POLHODE_ENGINE=procrastinate"):
+    with pytest.raises(OtherHostError, match=r"there works .* POLHODE_ENGINE=postgres"):
         registry.enter(worker(), alone=True)
     assert names(database) == {"other"}
     registry.enter(worker(), alone=False)

@@ -11,10 +11,10 @@ from sqlalchemy import delete, insert
 
 from service.schemas.query.conditions import Condition, Kind, ListQuery, OrderKey, Subject
 from service.schemas.query.facts import OF_SOLUTIONS, facts_of
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
+from service.storage.annotations import insert_labels
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.rows import new_id
-from service.storage.marks import insert_labels
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.tables.base import table_of
@@ -87,9 +87,9 @@ def add(database, found):
     if made:
         with database.write() as session:
             session.execute(insert(table_of(SolutionRow)), made)
-            labels = [Marks(dict(*each[2:])) for each in found]
+            labels = [Annotation(dict(*each[2:])) for each in found]
             places = [(row["id"], row["created_at"]) for row in made]
-            given = [(*place, marks) for place, marks in zip(places, labels, strict=True)]
+            given = [(*place, annotation) for place, annotation in zip(places, labels, strict=True)]
             insert_labels(session, SolutionRow, given)
     return [row | {"labels": dict(*each[2:])} for row, each in zip(made, found, strict=True)]
 

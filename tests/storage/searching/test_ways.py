@@ -159,3 +159,21 @@ def test_a_page_is_read_in_one_index_and_no_row_is_where_it_has_all(
     assert index in last or (index == "solution_numbers" and "PRIMARY KEY (name=?" in last)
     # The index of numbers is their table.
     assert "COVERING INDEX" in last or (index == "solution_numbers" and "solutions" not in last)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("order", ["/potential/parameters/a", "energy"])
+def test_what_no_index_tells_of_a_number_is_tested_beside_what_one_does(database, way, order):
+    """A number that is collected from its own table may have a condition that is not."""
+    problems = [{"potential": {"parameters": {"a": n}, "b": [n % 4]}} for n in range(40)]
+    made = store(database, [(each, {"invariants": {}, "energy": {"value": 1.0}}, {}) for each in problems])
+    conditions, faults = read_where(["/potential/b/0>=1,/potential/b/0!=2,energy<2"], SOLUTIONS)
+    assert not faults
+    query = ListQuery(conditions, (OrderKey(subject_of(order)),), limit=7)
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in zip(("MANY", "MOST", "ROW"), WAYS[way], strict=True):
+            patch.setattr(narrowing, name, value)
+            patch.setattr(pages, name, value)
+        whole = expected(made, query)
+        assert len(whole) == 20
+        assert ids_by_cursor(database, query, len(whole)) == whole

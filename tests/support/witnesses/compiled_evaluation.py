@@ -15,7 +15,7 @@ from workers.solvers.compiled.kernels import kernel
 
 FloatArray = NDArray[np.float64]
 
-# Rows of the desk, in one dimension.
+# Rows of the workspace, in one dimension.
 X, FIRST, SECOND = (np.uint64(STRIDE * row) for row in range(3))
 TOGETHER = 5
 """Steps of Clenshaw's recurrence between which nothing is written to memory."""
@@ -66,28 +66,28 @@ def _reduce(times: FloatArray, hi: float, lo: float, local: FloatArray, turns: F
 
 
 @kernel
-def _sum(series: FloatArray, column: int, desk: FloatArray, begin: int, end: int) -> None:
+def _sum(series: FloatArray, column: int, workspace: FloatArray, begin: int, end: int) -> None:
     """Leave the sum of one column's series, at the places from ``begin`` to ``end``, in FIRST."""
     for k in range(begin, end):
-        desk[FIRST + k], desk[SECOND + k] = 0.0, 0.0
+        workspace[FIRST + k], workspace[SECOND + k] = 0.0, 0.0
     degree = len(series) - 1
     while degree % TOGETHER:
         c = series[degree, column]
         for k in range(begin, end):
-            first = desk[FIRST + k]
-            desk[FIRST + k] = (c + 2.0 * desk[X + k] * first) - desk[SECOND + k]
-            desk[SECOND + k] = first
+            first = workspace[FIRST + k]
+            workspace[FIRST + k] = (c + 2.0 * workspace[X + k] * first) - workspace[SECOND + k]
+            workspace[SECOND + k] = first
         degree -= 1
     while degree:
         for k in range(begin, end):
-            twice, first, second = 2.0 * desk[X + k], desk[FIRST + k], desk[SECOND + k]
+            twice, first, second = 2.0 * workspace[X + k], workspace[FIRST + k], workspace[SECOND + k]
             for step in range(TOGETHER):
                 first, second = (series[degree - step, column] + twice * first) - second, first
-            desk[FIRST + k], desk[SECOND + k] = first, second
+            workspace[FIRST + k], workspace[SECOND + k] = first, second
         degree -= TOGETHER
     c = series[0, column]
     for k in range(begin, end):
-        desk[FIRST + k] = (c + desk[X + k] * desk[FIRST + k]) - desk[SECOND + k]
+        workspace[FIRST + k] = (c + workspace[X + k] * workspace[FIRST + k]) - workspace[SECOND + k]
 
 
 @kernel
@@ -102,7 +102,7 @@ def _evaluate(
 ) -> None:
     """Fill ``out`` (times, columns) and the whole periods before each time; hi is inf without a period."""
     size = min(BLOCK, len(times))
-    desk, local = np.empty(3 * STRIDE), np.empty(size)
+    workspace, local = np.empty(3 * STRIDE), np.empty(size)
     home, order = np.empty(size, dtype=np.int64), np.empty(size, dtype=np.int64)
     pieces = len(breaks) - 1
     begins = np.empty(pieces + 1, dtype=np.uint64)
@@ -123,8 +123,8 @@ def _evaluate(
             for k in range(begin, end):
                 t = local[order[k]]
                 x = ((t - left) - (right - t)) / (right - left)
-                desk[X + k] = min(1.0, max(-1.0, x))
+                workspace[X + k] = min(1.0, max(-1.0, x))
             for column in range(out.shape[1]):
-                _sum(coefficients[n], column, desk, begin, end)
+                _sum(coefficients[n], column, workspace, begin, end)
                 for k in range(begin, end):
-                    out[start + order[k], column] = desk[FIRST + k]
+                    out[start + order[k], column] = workspace[FIRST + k]

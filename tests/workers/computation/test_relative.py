@@ -302,7 +302,7 @@ def test_an_absolute_tolerance_that_is_missed_tells_the_relative_error_too():
     ("motion", "stop"), [("planar", "1e-9"), ("state", "1e-13"), *seldom(("state", "1e-9"))]
 )
 def test_a_point_of_a_sweep_is_its_job_however_quick(monkeypatch, motion, stop, accuracy):
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 3600.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 3600.0)
     base = quicker(GRAVITY, squared=1, accuracy=accuracy)
     base["body"], base["time"] = {"A": 2, "B": "3/2", "C": 1}, {"stop": stop, "samples": 3}
     if motion == "state":
@@ -318,7 +318,7 @@ def test_a_point_of_a_sweep_is_its_job_however_quick(monkeypatch, motion, stop, 
 @pytest.mark.parametrize("accuracy", [{"tier": "standard"}, {"tier": "high"}, RELATIVE])
 @pytest.mark.parametrize("time", [{"stop": "1e-14", "samples": 5}, {"periods": 2, "samples": 5}])
 def test_sweeps_of_quick_motions_go_in_blocks(monkeypatch, time, accuracy):
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 3600.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 3600.0)
     alone = list[int]()
     solve_point = chunk.solve_point
 

@@ -28,15 +28,15 @@ class FakeStore:
     def __init__(self, waiting):
         self.waiting, self.handed_out, self.asked, self._number = set(waiting), [], [], 0
 
-    def take(self, worker, count, *, lease_seconds, owed=(), together=1):
-        self.asked.append(tuple(owed))
-        lanes = [lane for lane in owed[:count] if lane in self.waiting]
+    def take(self, worker, count, *, lease_seconds, starved=(), together=1):
+        self.asked.append(tuple(starved))
+        lanes = [lane for lane in starved[:count] if lane in self.waiting]
         lanes += [min(self.waiting)] * (count - len(lanes)) if self.waiting else []
         self.handed_out += lanes
         return ClaimedJobs(tuple(map(self._claim, lanes)))
 
-    def finish(self, claim, outcome, *, then_take=0, lease_seconds=0.0, owed=(), together=1):
-        return True, self.take("worker", then_take, lease_seconds=lease_seconds, owed=owed)
+    def finish(self, claim, outcome, *, then_take=0, lease_seconds=0.0, starved=(), together=1):
+        return True, self.take("worker", then_take, lease_seconds=lease_seconds, starved=starved)
 
     def held(self, claims):
         return frozenset()
@@ -108,7 +108,7 @@ def test_a_lane_in_which_nothing_waits_is_asked_once_and_saves_nothing_up(clock)
     runner, sandbox = started(store)
     for _ in range(80):
         finish(runner, sandbox, clock, 1.0)
-    asked = [owed for owed in store.asked if Lane.SWEEP in owed]
+    asked = [starved for starved in store.asked if Lane.SWEEP in starved]
     assert 5 <= len(asked) <= 12  # once in about eight seconds, since it starts from its first debt each time
     store.waiting.add(Lane.SWEEP)
     for _ in range(8):

@@ -6,7 +6,7 @@ import signal
 import pytest
 
 from service.jobs.records import AttemptOutcome, JobState
-from service.local.wakeup import Doorbell
+from service.local.wakeup import WakeUpSocket
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.lists import list_jobs
@@ -17,10 +17,10 @@ pytestmark = pytest.mark.any_database
 
 
 @pytest.fixture
-def doorbell():
-    bell = Doorbell()
-    yield bell
-    bell.close()
+def wake_up():
+    wake_up = WakeUpSocket()
+    yield wake_up
+    wake_up.close()
 
 
 @pytest.fixture
@@ -82,18 +82,18 @@ def test_a_failed_job_does_not_spoil_its_child(jobs, start_worker):
 
 
 @pytest.mark.parametrize("rings", [True, False])
-def test_cancelling_stops_the_work_long_before_the_lease_ends(jobs, doorbell, start_worker, log, rings):
+def test_cancelling_stops_the_work_long_before_the_lease_ends(jobs, wake_up, start_worker, log, rings):
     job = jobs.submit({"chore": "spin", "log": str(log)}, "digest")
-    # A worker that hears the bell need not look; one that does not looks soon.
-    start_worker(lease_seconds=3600, doorbell=doorbell, poll_seconds=3600 if rings else 0.1)
+    # A worker that is notified need not look; one that does not looks soon.
+    start_worker(lease_seconds=3600, wake_up=wake_up, poll_seconds=3600 if rings else 0.1)
     (child,) = wait_until(lambda: started(log))
     jobs.cancel(job.id)
     if rings:
-        doorbell.ring()
+        wake_up.notify()
     wait_until(lambda: not is_alive(child))
     # The slot is free again.
     after = jobs.submit({}, "another")
-    doorbell.ring()
+    wake_up.notify()
     assert finished(jobs, after).state is JobState.SUCCEEDED
     assert jobs.get(job.id).state is JobState.CANCELLED
 
@@ -146,22 +146,22 @@ def test_a_second_signal_returns_jobs_at_once(jobs, start_worker, log):
     wait_until(lambda: not worker.session())
 
 
-def test_a_worker_stops_with_the_service_that_started_it(jobs, doorbell, start_worker):
-    worker = start_worker(doorbell=doorbell)
+def test_a_worker_stops_with_the_service_that_started_it(jobs, wake_up, start_worker):
+    worker = start_worker(wake_up=wake_up)
     job = jobs.submit({}, "digest")
     finished(jobs, job)
-    doorbell.close()
+    wake_up.close()
     assert worker.process.wait(timeout=PATIENCE) == 0
 
 
-def test_the_bell_spares_the_poll_interval(jobs, doorbell, start_worker):
-    start_worker(doorbell=doorbell, poll_seconds=3600)
+def test_the_wake_up_socket_spares_the_poll_interval(jobs, wake_up, start_worker):
+    start_worker(wake_up=wake_up, poll_seconds=3600)
     first = jobs.submit({}, "0")
-    doorbell.ring()
+    wake_up.notify()
     finished(jobs, first)
     job = jobs.submit({}, "1")
-    doorbell.ring()
-    assert wait_for(doorbell, job.id, is_finished=lambda: jobs.get(job.id).is_finished, timeout=PATIENCE)
+    wake_up.notify()
+    assert wait_for(wake_up, job.id, is_finished=lambda: jobs.get(job.id).is_finished, timeout=PATIENCE)
 
 
 def test_a_job_that_nobody_announced_is_found(jobs, start_worker):

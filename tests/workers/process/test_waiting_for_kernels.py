@@ -113,7 +113,7 @@ def test_a_sweep_that_waits_in_vain_goes_the_plain_way_and_its_refusals_are_fina
 def test_kernels_will_be_there_as_long_as_some_worker_has_or_compiles_them(database):
     registry = WorkerRegistry(database, lease_seconds=3600.0)
     here, other = (
-        Presence(registry, WorkerProcess(name, name, "procrastinate", 1), seconds=3600.0, alone=False)
+        Presence(registry, WorkerProcess(name, name, "postgres", 1), seconds=3600.0, alone=False)
         for name in "ab"
     )
     here.keep(is_warm=False, kernels=None)

@@ -111,4 +111,4 @@ def test_what_the_kernel_of_draft_declines_is_left_to_that_of_standard():
     assert standard is not None
     assert standard.error_at(draft.times) <= problem.tolerance < drafted.error_at(draft.times)
     assert draft.evidence["compiled"] == len(standard.panels)
-    assert (draft.samples == standard.sample(draft.times, draft.rests)).all()
+    assert (draft.samples == standard.sample(draft.times, draft.low_parts)).all()

@@ -10,7 +10,7 @@ from service.jobs.chunking import Range
 from service.schemas.sweep.reading import read_sweep
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from workers.cli.sweep import SUFFIXES, schema_of, table_of
-from workers.sweeping.local_pool import Crew
+from workers.sweeping.local_pool import LocalPool
 
 POINTS = 200
 DOCUMENT = {
@@ -59,15 +59,15 @@ class Children:
                 future.set_exception(fault)
 
 
-def crew_of(children):
-    return Crew(read_sweep(DOCUMENT), DOCUMENT, children, way="compiled", workers=2, seconds=1.0)
+def pool_of(children):
+    return LocalPool(read_sweep(DOCUMENT), DOCUMENT, children, way="compiled", workers=2, seconds=1.0)
 
 
-def handed_out(crew):
+def handed_out(pool):
     found = []
-    for points in crew.points(lambda: False):
+    for points in pool.points(lambda: False):
         if points is None:
-            crew._sandbox.work()
+            pool._sandbox.work()
         else:
             first, columns = points
             assert first == len(found)
@@ -76,15 +76,15 @@ def handed_out(crew):
 
 
 def test_points_come_in_the_order_of_their_index():
-    crew = crew_of(Children(lambda chunk: computed(chunk.first, chunk.count)))
-    assert handed_out(crew) == [(SOLVED, k) for k in range(POINTS)]
-    assert crew.missing() == []
-    assert crew.computed == POINTS
+    pool = pool_of(Children(lambda chunk: computed(chunk.first, chunk.count)))
+    assert handed_out(pool) == [(SOLVED, k) for k in range(POINTS)]
+    assert pool.missing() == []
+    assert pool.computed == POINTS
 
 
 def test_what_a_chunk_hands_back_is_computed_too():
-    crew = crew_of(Children(lambda chunk: computed(chunk.first, (chunk.count + 1) // 2)))
-    assert handed_out(crew) == [(SOLVED, k) for k in range(POINTS)]
+    pool = pool_of(Children(lambda chunk: computed(chunk.first, (chunk.count + 1) // 2)))
+    assert handed_out(pool) == [(SOLVED, k) for k in range(POINTS)]
 
 
 @pytest.mark.parametrize(("fault", "code"), [(TimeoutError, "time_limit"), (MemoryError, "memory_limit")])
@@ -94,7 +94,7 @@ def test_a_point_that_cannot_be_computed_is_a_point_with_a_reason(fault, code):
             raise fault
         return computed(chunk.first, chunk.count)
 
-    found = handed_out(crew_of(Children(answer)))
+    found = handed_out(pool_of(Children(answer)))
     assert [k for k, (outcome, _) in enumerate(found) if outcome != SOLVED] == [77]
     assert found[77][0] == code
     assert np.isnan(found[77][1])
@@ -105,18 +105,18 @@ def test_a_fault_of_ours_is_not_hidden():
         raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
-        handed_out(crew_of(Children(answer)))
+        handed_out(pool_of(Children(answer)))
 
 
 def test_told_to_stop_it_hands_out_what_is_computed_and_tells_what_is_missing():
     children = Children(lambda chunk: computed(chunk.first, chunk.count), at_once=3)
-    crew = crew_of(children)
+    pool = pool_of(children)
     found = set()
-    for points in crew.points(lambda: len(children.asked) >= 3):
+    for points in pool.points(lambda: len(children.asked) >= 3):
         if points is not None:
             first, columns = points
             found |= set(range(first, first + len(columns.outcomes)))
-    absent = {k for gap in crew.missing() for k in range(gap.first, gap.first + gap.count)}
+    absent = {k for gap in pool.missing() for k in range(gap.first, gap.first + gap.count)}
     assert found
     assert absent
     assert found.isdisjoint(absent)

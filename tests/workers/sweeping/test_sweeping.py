@@ -18,7 +18,7 @@ from workers.computation.compute import solve_checked
 from workers.sweeping import chunk, states
 from workers.sweeping.chunk import compute_chunk
 from workers.sweeping.plan import make_plan
-from workers.sweeping.varying_body.block import MovingSolver
+from workers.sweeping.varying_body.block import VaryingSolver
 
 DOUBLE = {"A": 2, "B": "3/2", "C": 1}
 THREE_TERMS = {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/50"}}
@@ -644,7 +644,7 @@ def plans_are_made_anew():
 @pytest.fixture
 def no_hurry(monkeypatch):
     """The first compiled point of an installation is compiled."""
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 600.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 600.0)
 
 
 def computed(document, first=0, count=None):
@@ -737,7 +737,7 @@ def test_points_of_other_bodies_and_exponents_go_in_blocks(name, monkeypatch):
     plan = make_plan(read_sweep(document))
     assert plan.quick is None
     solver = chunk.ChunkSolver(plan)
-    assert isinstance(solver._blocks, MovingSolver)
+    assert isinstance(solver._blocks, VaryingSolver)
     singly = []
     original = chunk.solve_point
     monkeypatch.setattr(
@@ -855,7 +855,7 @@ def test_a_chunk_may_begin_anywhere():
 @pytest.mark.parametrize("name", ["standard", "parameters and lambda", "no motion"])
 def test_a_chunk_without_time_hands_back_at_least_one_point(name, monkeypatch):
     document = {**IN_BLOCKS, **ONE_BY_ONE}[name]
-    monkeypatch.setattr(chunk, "ENOUGH_SECONDS", 0.0)
+    monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 0.0)
     monkeypatch.setattr(chunk, "BLOCK_POINTS", 1)
     outcome = computed(document)
     assert outcome.count == 1

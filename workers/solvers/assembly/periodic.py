@@ -56,8 +56,8 @@ class SamplesItself(Protocol):
         """Return one period in pieces, from so many on; None if :func:`.resolve_motion` has to do it."""
         ...
 
-    def sample(self, times: FloatArray, rests: FloatArray | None = None) -> FloatArray:
-        """Return p, q, r, g1, g2, g3, shape (n, 6), at ``times`` + ``rests``, both of shape (n,)."""
+    def sample(self, times: FloatArray, low_parts: FloatArray | None = None) -> FloatArray:
+        """Return p, q, r, g1, g2, g3, shape (n, 6), at ``times`` + ``low_parts``, both of shape (n,)."""
         ...
 
     def error_at(self, times: FloatArray) -> float:
@@ -120,7 +120,7 @@ def _with_claim(
     """
     period, start = found.period, place.start
     asked = asked_times(problem, period) if found.asked is None else found.asked
-    times, rests = asked.doubles, asked.rests
+    times, low_parts = asked.doubles, asked.low_parts
     resolved = nothing_resolved(period.hi)
     if problem.wants_series:
         resolved = _resolved(problem, place, found, is_draft=is_draft)
@@ -132,7 +132,7 @@ def _with_claim(
     samples, reached = np.zeros((0, len(COLUMNS))), 0.0
     if len(times):
         late = found.late
-        samples = dense(times, rests) if late is None else late.sample(times, rests)
+        samples = dense(times, low_parts) if late is None else late.sample(times, low_parts)
         reached = dense.error_at(times) if late is None else late.error_at(times)
     energy = energy_of(start.arc.loop, place.somewhere())
     evidence, claimed = {**found.evidence, **evidence_of(resolved)}, reached
@@ -161,7 +161,7 @@ def _with_claim(
         cross_check=None,
         conventions=conventions,
         evidence=evidence,
-        rests=rests,
+        low_parts=low_parts,
         first_passage=float(found.passages[0]) if conventions else None,
     )
     return motion, claimed

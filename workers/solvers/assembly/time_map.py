@@ -63,8 +63,8 @@ class TimeMap:
         # A panel may be shorter than doubles tell its ends apart: any place in it will do.
         share = np.divide(target, lengths, out=np.full(len(times), 0.5), where=lengths > 0.0)
         low, high = np.full(len(times), -1.0), np.full(len(times), 1.0)
-        x = np.clip(2.0 * share - 1.0, -1.0, 1.0)
         half = 0.5 * (self.edges[panel + 1] - self.edges[panel])
+        x = self._guess(panel, half, lengths, np.clip(share, 0.0, 1.0))
         # Both series at once: the rates have one coefficient less.
         both = np.stack(
             [self.integrals[:, panel], np.vstack([self.rates, 0.0 * self.times[:-1]])[:, panel]], axis=1
@@ -76,12 +76,29 @@ class TimeMap:
             # Where the series of an unproved panel is 0 there is no step, and the bracket is halved.
             with np.errstate(divide="ignore", invalid="ignore"):
                 step = miss / (half * rates)
-            settled = (np.abs(step) <= LAST_NEWTON_STEP) | (np.abs(miss) <= self.rounding)
+            is_small, is_met = np.abs(step) <= LAST_NEWTON_STEP, np.abs(miss) <= self.rounding
             newton = np.clip(x - step, -1.0, 1.0)
-            x = np.where(settled | ((newton > low) & (newton < high)), newton, 0.5 * (low + high))
-            if np.all(settled):
+            # At a pole a step is rounding by rounding: what is met stays unless the step is small, too.
+            other = np.where(is_met, x, 0.5 * (low + high))
+            x = np.where(is_small | ((newton > low) & (newton < high)), newton, other)
+            if np.all(is_small | is_met):
                 break
         return panel, x
+
+    def _guess(
+        self, panel: NDArray[np.intp], half: FloatArray, lengths: FloatArray, share: FloatArray
+    ) -> FloatArray:
+        """Return about the place in its panel after a ``share`` of the panel's time.
+
+        Time is taken for the power of the distance from the slower end that has the same rate at the other:
+        next to a pole it is about that, and Newton's method alone would come near it by a part at a time.
+        """
+        even, odd = (self.rates[first::2, panel].sum(axis=0) * half for first in (0, 1))
+        power = np.divide(2.0 * (even + np.abs(odd)), lengths, out=np.ones(len(share)), where=lengths > 0.0)
+        is_slow_first = odd > 0.0
+        since = np.where(is_slow_first, share, 1.0 - share) ** (1.0 / np.maximum(power, 1.0))
+        guess: FloatArray = np.where(is_slow_first, 2.0 * since - 1.0, 1.0 - 2.0 * since)
+        return guess
 
     def features(self) -> tuple[FloatArray, FloatArray]:
         """Return times inside every panel, and how long it takes: where a function of time may have features.

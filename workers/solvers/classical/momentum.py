@@ -45,6 +45,9 @@ TAIL_RELATIVE_SIZE = 1e-15
 """Largest tail of a propagator, relative to it."""
 PROPAGATOR_ULPS = 2.0
 """Rounding of a propagator, in 2^-52 of it: of a and b, of the solution, of the product with those before."""
+TIME_ROUNDINGS = 2.5
+"""Roundings, in 2^-52 of a time: halves of its sum with the time of the start, of the mean time per radian,
+of its product with the angle, of the sum of the series of time, and of the angle."""
 MAX_PANELS = 1_000_000
 """Largest number of panels of all turns that a motion is followed for."""
 
@@ -113,6 +116,11 @@ class Momentum:
         angle = _follow(loop, lower, doubles, float(start), phi, ends.tolist())
         return cls(placed, loop, clock, lower, since, angle, constants, doubles)
 
+    def time_error(self, latest: float) -> float:
+        """Return the bound of what roundings make of a time up to ``latest`` where its angle is found."""
+        turn = TURN * float(self.clock.mean)
+        return EPSILON * (TIME_ROUNDINGS * latest + turn)
+
     def sample(self, times: FloatArray) -> FloatArray:
         """Return p, q, r, g1, g2, g3, shape (n, 6), at times within the span."""
         theta = self.clock.angles(self.since + times)
@@ -151,7 +159,8 @@ class Momentum:
         longest = self.lower + 2.0 * self.loop.half
         longest = max(abs(self.lower), longest) if self.doubles["areas"] == 0.0 else longest**0.5
         fastest = longest / min(self.doubles[name] for name in "ABC")
-        return DIFFERENCE_FACTOR * (largest(apart) + self.angle.error * max(1.0, fastest))
+        # What is seen at some places has its factor; the error of φ is a bound that has its own.
+        return DIFFERENCE_FACTOR * largest(apart) + self.angle.error * max(1.0, fastest)
 
 
 def _state(

@@ -81,7 +81,7 @@ def _integrated(problem: Problem, placed: Placed) -> Motion:
         gamma,
         times.doubles,
         tolerance=problem.tolerance,
-        rests=times.rests,
+        low_parts=times.low_parts,
     )
 
 
@@ -132,7 +132,7 @@ def _of_hess(problem: Problem, placed: Placed) -> Motion:
     found = resolve_motion(
         momentum.sample, span, np.zeros(0), scale=span[1] - span[0], atol=max(PIECES_ERROR, 0.25 * own)
     )
-    own += found.moved(4.0 * EPSILON * max(map(abs, span)))
+    own += found.moved(momentum.time_error(max(map(abs, span))))
     dense = DenseOutput(COLUMNS, found.breaks, found.coefficients, None, found.error + own)
     motion = _motion(problem, placed, dense, times)
     return replace(motion, evidence={**motion.evidence, "pieces": len(found.breaks) - 1})
@@ -150,8 +150,8 @@ def _span(times: SampleTimes) -> tuple[float, float]:
 
 
 def _motion(problem: Problem, placed: Placed, dense: DenseOutput, asked: SampleTimes) -> Motion:
-    times, rests = asked.doubles, asked.rests
-    samples = dense(times, rests) if len(times) else np.zeros((0, len(COLUMNS)))
+    times, low_parts = asked.doubles, asked.low_parts
+    samples = dense(times, low_parts) if len(times) else np.zeros((0, len(COLUMNS)))
     motion = Motion(
         method="quadrature",
         dense=dense,
@@ -166,7 +166,7 @@ def _motion(problem: Problem, placed: Placed, dense: DenseOutput, asked: SampleT
         cross_check=None,
         conventions=(),
         evidence={"case": placed.case.name},
-        rests=rests,
+        low_parts=low_parts,
     )
     return with_claim_raised(problem.body, problem.potential, motion)
 

@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.sampling import SampleTimes
-from workers.solvers.compiled.desk import own_desk
 from workers.solvers.compiled.evaluation.program import Program
 from workers.solvers.compiled.motion import Bounds
 from workers.solvers.compiled.records import FOUND, MAX_PANELS, PANEL, Records, copied, new_records
 from workers.solvers.compiled.solve_set import solve_sets
+from workers.solvers.compiled.workspace import own_workspace
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -79,12 +79,12 @@ def solve_batch(batch: Batch) -> BatchResult:
         _NO_RESTS if batch.rests is None else batch.rests,
         TOLERANCES[batch.tier],
         times.doubles,
-        times.rests,
+        times.low_parts,
         batch.columns,
         loops,
         panels,
         found,
-        own_desk(),
+        own_workspace(),
         samples,
     )
     return BatchResult(loops, found, samples, panels[: int(found[-1]["panels"])] if sets else panels[:0])

@@ -14,8 +14,9 @@ SPLIT = 134217729.0
 BLOCK = 1024
 """Times that are worked on together."""
 STRIDE = BLOCK + 8
-"""Between rows of a desk in one dimension. Rows at a distance that the compiler knows cannot overlap, else
-it would go through them one by one; at a power of two they would all be in the same lines of the cache."""
+"""Between rows of a workspace in one dimension. Rows at a distance that the compiler knows cannot overlap,
+else it would go through them one by one; at a power of two they would all be in the same lines of the
+cache."""
 
 
 @inlined

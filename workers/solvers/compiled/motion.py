@@ -13,10 +13,10 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.reduction.window import EndKind
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.assembly.dense import MAX_RELATIVE_FINENESS, ResolvedMotion
-from workers.solvers.compiled.desk import own_desk
 from workers.solvers.compiled.records import Loop, Records
 from workers.solvers.compiled.time_map.pieces import NODES, resolve_one
 from workers.solvers.compiled.time_map.sampling import sample_one
+from workers.solvers.compiled.workspace import own_workspace
 
 FloatArray = NDArray[np.float64]
 
@@ -130,7 +130,7 @@ class SpectralMotion:
             pieces,
             atol,
             MAX_RELATIVE_FINENESS,
-            own_desk(),
+            own_workspace(),
             ends,
             series,
         )
@@ -151,5 +151,5 @@ class SpectralMotion:
         times = np.ascontiguousarray(times, dtype=np.float64)
         rests = np.ascontiguousarray(rests, dtype=np.float64)
         out = np.empty((len(times), len(columns)))
-        sample_one(self.loops, self.panels, times, rests, columns, own_desk(), out)
+        sample_one(self.loops, self.panels, times, rests, columns, own_workspace(), out)
         return out

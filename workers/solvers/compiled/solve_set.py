@@ -5,7 +5,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import Desk
 from workers.solvers.compiled.discs.arithmetic import new_rows
 from workers.solvers.compiled.doubled.time_map import map_time_doubled
 from workers.solvers.compiled.evaluation.interpreter import new_registers
@@ -24,6 +23,7 @@ from workers.solvers.compiled.windows.arcs import (
     number_windows,
     set_orbit,
 )
+from workers.solvers.compiled.workspace import Workspace
 
 NOTHING = np.empty(0)
 
@@ -52,7 +52,7 @@ def new_formula(code: IntArray, result: int, constants: FloatArray) -> Formula:
 
 
 @inlined
-def find_orbit(formula: Formula, loop: Loop, desk: Desk) -> tuple[float, float]:
+def find_orbit(formula: Formula, loop: Loop, workspace: Workspace) -> tuple[float, float]:
     """Choose the window, describe the orbit; return u at the start (NaN: undecided) and the sense."""
     alpha, half, window, s = loop.alpha, loop.half, loop.window, loop.s_sign
     is_smooth = 0.5 * alpha == math.floor(0.5 * alpha)
@@ -60,7 +60,7 @@ def find_orbit(formula: Formula, loop: Loop, desk: Desk) -> tuple[float, float]:
     if loop.kind == POINT:
         size = loop.size_of_g1
         sine = size / loop.z if loop.mirrored else math.exp(math.log(size / loop.g) / alpha)
-    number = find_arcs(formula, loop, half, is_smooth, desk)
+    number = find_arcs(formula, loop, half, is_smooth, workspace)
     if number == WHOLE_LOOP:
         if loop.kind == REST or window > 0:
             return math.nan, 1.0
@@ -74,14 +74,14 @@ def find_orbit(formula: Formula, loop: Loop, desk: Desk) -> tuple[float, float]:
         return (u if s > 0.0 else 2.0 - u), 1.0
     if number <= 0:
         return math.nan, 1.0
-    windows = number_windows(desk.arcs, number)
+    windows = number_windows(workspace.arcs, number)
     if windows < 1 or (window < 0 and windows > 1) or window >= windows:
         return math.nan, 1.0
     start = Start(loop.kind, s, loop.g2_sign, sine)
-    chosen, at, sense = choose_start(desk.arcs, number, max(window, 0), start)
+    chosen, at, sense = choose_start(workspace.arcs, number, max(window, 0), start)
     if chosen < 0:
         return math.nan, 1.0
-    lo, hi = desk.arcs[chosen].lo, desk.arcs[chosen].hi
+    lo, hi = workspace.arcs[chosen].lo, workspace.arcs[chosen].hi
     set_orbit(loop, half, lo, hi)
     loop.place = half * at
     if abs(at - 0.5 * (lo + hi)) < 1e-15:
@@ -95,13 +95,13 @@ def find_orbit(formula: Formula, loop: Loop, desk: Desk) -> tuple[float, float]:
 
 @inlined
 def map_time(
-    formula: Formula, loop: Loop, tolerance: float, panels: Records, desk: Desk, found: Found
+    formula: Formula, loop: Loop, tolerance: float, panels: Records, workspace: Workspace, found: Found
 ) -> None:
     """Build the time map, set period and origin, and say what is known.
 
     The number of panels is 0 where any of it is not.
     """
-    number, length = build_time_map(formula, loop, tolerance, panels, desk)
+    number, length = build_time_map(formula, loop, tolerance, panels, workspace)
     if number == 0:
         return
     turns = 1.0 if loop.rotates else 2.0
@@ -109,9 +109,9 @@ def map_time(
     loop.origin, loop.origin_lo = time_at(panels, number, loop.start)
     loop.backwards = loop.sense < 0.0
     astray = np.empty(number)
-    error, found.rate_error = map_error(formula, loop, panels, number, desk.places, astray)
+    error, found.rate_error = map_error(formula, loop, panels, number, workspace.places, astray)
     add_roundings(panels, number, astray)
-    found.speed, found.largest, found.moved = extent(loop, panels, number, desk.moments, astray)
+    found.speed, found.largest, found.moved = extent(loop, panels, number, workspace.moments, astray)
     found.period, found.period_error, found.time_error = loop.period_hi, turns * error, turns * error
     if found.period_error < math.inf and found.speed < math.inf and found.rate_error + found.moved < math.inf:
         found.panels = number
@@ -130,7 +130,7 @@ def solve_sets(
     loops: Records,
     panels: Records,
     founds: Records,
-    desks: Records,
+    workspaces: Records,
     out: FloatArray,
 ) -> None:
     """Solve every row of ``constants`` with its loop, and sample it at ``times`` + ``rests``.
@@ -140,7 +140,7 @@ def solve_sets(
     """
     if len(loops) == 0:
         return
-    whole, desk = new_formula(code, result, constants[0]), desks[0]
+    whole, workspace = new_formula(code, result, constants[0]), workspaces[0]
     for n in range(len(loops)):
         loop, found = loops[n], founds[n]
         formula = Formula(
@@ -156,14 +156,14 @@ def solve_sets(
         )
         if not loop.by_roots:
             loop.z, loop.g = equator_of(loop.alpha, loop.log_lambda)
-            loop.start, loop.sense = find_orbit(formula, loop, desk)
+            loop.start, loop.sense = find_orbit(formula, loop, workspace)
         found.panels, found.period, found.period_error, found.time_error = 0, math.nan, math.nan, math.nan
         found.speed, found.largest, found.rate_error, found.moved = math.nan, math.nan, math.nan, math.nan
         if loop.start == loop.start and len(lows):
-            map_time_doubled(formula, loop, tolerance, panels, desk, found)
+            map_time_doubled(formula, loop, tolerance, panels, workspace, found)
         elif loop.start == loop.start:
-            map_time(formula, loop, tolerance, panels, desk, found)
+            map_time(formula, loop, tolerance, panels, workspace, found)
         if found.panels == 0:
             out[n] = math.nan
             continue
-        sample(loop, panels, found.panels, times, rests, columns, desk.moments, out[n])
+        sample(loop, panels, found.panels, times, rests, columns, workspace.moments, out[n])

@@ -360,7 +360,7 @@ def verified_runs(
     check: FloatArray,
     asked: Asked,
     times: FloatArray,
-    rests: FloatArray | None,
+    low_parts: FloatArray | None,
 ) -> VerifiedRuns:
     """Return what :func:`verified_run` finds of many motions, and their values at ``times``.
 
@@ -377,7 +377,7 @@ def verified_runs(
         check,
         asked,
         times,
-        _NONE if rests is None else rests,
+        _NONE if low_parts is None else low_parts,
         endings,
         numbers,
         samples,
@@ -385,9 +385,10 @@ def verified_runs(
     return VerifiedRuns(endings, numbers, samples[:, : len(times), :STATE])
 
 
-def samples_of(verified: VerifiedRun, times: FloatArray, rests: FloatArray | None) -> FloatArray:
+def samples_of(verified: VerifiedRun, times: FloatArray, low_parts: FloatArray | None) -> FloatArray:
     """Return the six variables at the times, shape (n, 6): what the dense output has there."""
     values = np.empty((-(-len(times) // TOGETHER) * TOGETHER, LANES))
     series = _padded(verified.coefficients)
-    values_at(verified.breaks, series, series.shape[1], times, _NONE if rests is None else rests, values)
+    low = _NONE if low_parts is None else low_parts
+    values_at(verified.breaks, series, series.shape[1], times, low, values)
     return values[: len(times), :STATE].copy()

@@ -54,11 +54,11 @@ def integrate_state(
     *,
     tolerance: float,
     integrator: IntegratorName | MakeIntegrator = "auto",
-    rests: FloatArray | None = None,
+    low_parts: FloatArray | None = None,
 ) -> Motion:
     """Integrate from omega = (p, q, r), gamma = (g1, g2, g3) at t = 0 to all ``times``, of either sign.
 
-    With ``rests`` the times are the sums of both.
+    With ``low_parts`` the times are the sums of both.
     ``tolerance`` is the largest absolute error allowed in any of the six
     variables at ``times``; the error of the result is measured by a second run.
 
@@ -90,7 +90,7 @@ def integrate_state(
         if isinstance(verified, IntegrationError):
             raise verified
         if verified is not None:
-            return _verified_motion(verified, times, rests, local_tolerance / chosen.tightening)
+            return _verified_motion(verified, times, low_parts, local_tolerance / chosen.tightening)
         pair = run_pair(
             chosen,
             equations,
@@ -107,7 +107,7 @@ def integrate_state(
             found = _motion(pair, body, potential, times, check, chosen.name, error)
             found = with_claim_raised(body, potential, found)
             if is_within(found.error, tolerance):
-                return replace(found, samples=pair.fine(times, rests), rests=rests)
+                return replace(found, samples=pair.fine(times, low_parts), low_parts=low_parts)
             error = found.error
         reached = min(reached, error)
     raise AccuracyNotMetError(reached, tolerance)
@@ -198,7 +198,7 @@ def tolerances(integrator: Steps, tolerance: float) -> list[float]:
 
 
 def _verified_motion(
-    verified: "VerifiedRun", times: FloatArray, rests: FloatArray | None, local_tolerance: float
+    verified: "VerifiedRun", times: FloatArray, low_parts: FloatArray | None, local_tolerance: float
 ) -> Motion:
     from workers.solvers.integration.compiled import samples_of  # noqa: PLC0415
 
@@ -206,8 +206,8 @@ def _verified_motion(
         method="integration",
         dense=DenseOutput(COLUMNS, verified.breaks, verified.coefficients, None, verified.error),
         times=times,
-        samples=samples_of(verified, times, rests),
-        rests=rests,
+        samples=samples_of(verified, times, low_parts),
+        low_parts=low_parts,
         error=verified.error,
         energy=Estimate(verified.energy, verified.energy_error),
         window=None,

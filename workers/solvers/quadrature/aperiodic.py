@@ -64,7 +64,7 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
     origin = float(time_map.time_at(np.array([flight.start]))[0]) + float(flight.after_start)
     ends = _ends(flight, (past, future), time_map, origin)
     lives = _before_the_end(times, ends, problem.tolerance)
-    times, rests = times[lives], all_asked.rests[lives]
+    times, low_parts = times[lives], all_asked.low_parts[lives]
     span = (min(0.0, float(times.min())), max(0.0, float(times.max())))
     on_map = phase_sampler(flight, time_map)
     total = time_map.period.hi
@@ -93,7 +93,7 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
         method="quadrature",
         dense=dense,
         times=times,
-        samples=dense(times, rests),
+        samples=dense(times, low_parts),
         error=dense.error_at(times),
         energy=energy_of(start.arc.loop, flight.somewhere()),
         window=window,
@@ -103,7 +103,7 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
         cross_check=None,
         conventions=conventions,
         evidence={**time_map.evidence(), **evidence_of(resolved)},
-        rests=rests,
+        low_parts=low_parts,
         first_passage=float(abs(first)) if conventions and len(passages) else None,
     )
     return with_claim_raised(problem.body, problem.potential, motion)

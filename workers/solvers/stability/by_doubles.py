@@ -18,13 +18,13 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.window import Window
 from service.dynamics.solution.dense_output import Period
 from workers.solvers.compiled.batch import Batch, BatchResult, bounds_of, solve_batch
-from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.evaluation.program import Program, make_program
 from workers.solvers.compiled.family import is_in_window
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.motion import SpectralMotion
 from workers.solvers.compiled.records import Records, new_records
 from workers.solvers.compiled.transverse.turn import ERROR, EXCURSION, LOOKED_AT, SPEED, turn
+from workers.solvers.compiled.workspace import WORKSPACE
 from workers.solvers.stability.assessment import Stability, assess, verdict_of
 from workers.solvers.stability.monodromy import Monodromy
 
@@ -54,8 +54,8 @@ class Perturbed:
         moments = np.array([float(each) for each in (A, B, C, B - C, A - C, A - B)])
         out = np.empty(8)
         code, result = self.program.code, self.program.result
-        desk = new_records(DESK)
-        if not turn(code, result, constants, run.loops, run.panels, run.found, desk, moments, out):
+        workspace = new_records(WORKSPACE)
+        if not turn(code, result, constants, run.loops, run.panels, run.found, workspace, moments, out):
             return None, run
         found = Monodromy(
             out[:4].reshape(2, 2), float(out[ERROR]), float(out[EXCURSION]), int(out[LOOKED_AT])

@@ -28,8 +28,8 @@ _Operation = Callable[[fmpq, fmpq], fmpq]
 
 
 def _power(base: fmpq, exponent: fmpq) -> fmpq:
-    found: fmpq = base ** int(exponent.p)
-    return found
+    power: fmpq = base ** int(exponent.p)
+    return power
 
 
 def _negative(operand: fmpq, _: fmpq) -> fmpq:
@@ -59,7 +59,7 @@ class ExactParts:
         registers = [*numbers, *self.constants]
         for operation, left, right in self.steps:
             registers.append(operation(registers[left], registers[right]))
-        return [registers[place] for place in self.results]
+        return [registers[index] for index in self.results]
 
 
 def parts_of(trees: Sequence[Tree], inputs: Sequence[str], fixed: Mapping[str, fmpq]) -> ExactParts:
@@ -67,22 +67,22 @@ def parts_of(trees: Sequence[Tree], inputs: Sequence[str], fixed: Mapping[str, f
 
     Powers have whole exponents. Raises KeyError for another symbol.
     """
-    places = {name: place for place, name in enumerate(inputs)}
+    indices = {name: index for index, name in enumerate(inputs)}
     constants: dict[Fraction | str, int] = {}
     numbers: list[fmpq] = []
     for node in (node for tree in trees for node in post_order(tree)):
-        known = _constant(node, places, fixed)
+        known = _constant(node, indices, fixed)
         if known is not None and known[0] not in constants:
-            constants[known[0]] = len(places) + len(numbers)
+            constants[known[0]] = len(indices) + len(numbers)
             numbers.append(known[1])
-    first, steps = len(places) + len(numbers), dict[tuple[_Operation, int, int], int]()
+    first, steps = len(indices) + len(numbers), dict[tuple[_Operation, int, int], int]()
 
     def register(_: int, node: Tree, below: Sequence[int]) -> int:
-        known = _constant(node, places, fixed)
+        known = _constant(node, indices, fixed)
         if known is not None:
             return constants[known[0]]
         if isinstance(node, Symbol):
-            return places[node.name]
+            return indices[node.name]
         if isinstance(node, Binary):
             step = _OPERATIONS[node.operator], below[0], below[1]
         else:
@@ -94,12 +94,12 @@ def parts_of(trees: Sequence[Tree], inputs: Sequence[str], fixed: Mapping[str, f
 
 
 def _constant(
-    node: Tree, places: Mapping[str, int], fixed: Mapping[str, fmpq]
+    node: Tree, indices: Mapping[str, int], fixed: Mapping[str, fmpq]
 ) -> tuple[Fraction | str, fmpq] | None:
     """Return a constant with what it is known by; None for what is none."""
     if isinstance(node, Number):
         return node.value, fmpq(node.value.numerator, node.value.denominator)
-    if isinstance(node, Symbol) and node.name not in places:
+    if isinstance(node, Symbol) and node.name not in indices:
         return node.name, fixed[node.name]
     return None
 
@@ -145,18 +145,18 @@ def coefficients_of(
         tree = parse(str(document.get("expression")))
         if degree_in(tree, set(names)) <= 1:
             return plain
-        given = document.get("parameters")
-        parameters = dict(given) if isinstance(given, dict) else {}
+        document_parameters = document.get("parameters")
+        parameters = dict(document_parameters) if isinstance(document_parameters, dict) else {}
         fixed = {name: _ratio(exact_number(value)) for name, value in parameters.items() if name not in names}
-        found = SplitParameters(names, {*parameters, *names})
-        linear = format_tree(fold_tree(tree, found.build)[0])
+        split = SplitParameters(names, {*parameters, *names})
+        linear = format_tree(fold_tree(tree, split.build)[0])
     except (FormulaError, ValueError):
         return None
-    made = found.names()
+    made = split.names()
     kept = {name: value for name, value in parameters.items() if name not in names}
     linear_document = {**document, "expression": linear, "parameters": {**kept, **dict.fromkeys(made, 1)}}
     coefficients = Coefficients(
-        linear_document, tuple(("parameters", name) for name in made), parts_of(found.parts, names, fixed)
+        linear_document, tuple(("parameters", name) for name in made), parts_of(split.parts, names, fixed)
     )
     values = coefficients.at([_ratio(number) for number in first])
     if values is None:
@@ -200,8 +200,8 @@ class SplitParameters:
             self.parts.append(tree)
         return Symbol(self._name(self.parts.index(tree)))
 
-    def _name(self, place: int) -> str:
-        name = f"coefficient{place}"
+    def _name(self, index: int) -> str:
+        name = f"coefficient{index}"
         while name in self._known:
             name += "_"
         return name

@@ -40,7 +40,7 @@ FloatArray = NDArray[np.float64]
 Path = tuple[str, ...]
 
 POLES = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
-CANCELLATION = 2.0
+MOST_HESSIAN_CANCELLATION = 2.0
 """Second derivatives at a pole that cancel beyond this factor are looked at point by point."""
 
 _LISTS: Mapping[str, frozenset[str]] = {
@@ -106,7 +106,7 @@ class Poles:
         weights = np.concatenate([np.ones((len(parameters), 1)), parameters], axis=1)
         sizes = np.abs(self.hessians).max(axis=(1, 2, 3))
         whole = np.abs(np.tensordot(weights, self.hessians, axes=1)).max(axis=(1, 2, 3))
-        plain: NDArray[np.bool_] = np.abs(weights) @ sizes <= CANCELLATION * (1.0 + whole)
+        plain: NDArray[np.bool_] = np.abs(weights) @ sizes <= MOST_HESSIAN_CANCELLATION * (1.0 + whole)
         return plain
 
 
@@ -116,9 +116,9 @@ def smooth_poles(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> 
         for member in family.members:
             if not make_loop(body, member.potential, motion).is_smooth_at_poles():
                 return None
-    found = np.stack([member.potential.hessian(POLES) for member in family.members])
-    found[1:] -= found[0]
-    return Poles(found)
+    hessians = np.stack([member.potential.hessian(POLES) for member in family.members])
+    hessians[1:] -= hessians[0]
+    return Poles(hessians)
 
 
 def _member(body: RigidBody, document: Part) -> Member:
@@ -127,7 +127,7 @@ def _member(body: RigidBody, document: Part) -> Member:
 
 
 def _is_linear_in(document: Mapping[str, object], path: Path) -> bool:
-    """Tell whether the place is that of a parameter or a coefficient; a formula is looked at besides."""
+    """Tell whether the path is that of a parameter or a coefficient; a formula is looked at besides."""
     match (document.get("type"), path):
         case ("expression", ("parameters", _)):
             return True
@@ -182,9 +182,9 @@ def degree_in(tree: Tree, names: set[str]) -> int:
     return fold_tree(tree, degree)
 
 
-KNOWN_BITS = 110
+ENERGY_BITS = 110
 """A ball of this relative accuracy has lost no more than 50 bits by cancellation."""
-TINY = 2.0**-30
+CANCELLED_ENERGY_SHARE = 2.0**-30
 """Share of the parameters below which an energy is the rest of a cancellation."""
 
 
@@ -210,7 +210,7 @@ class Energies:
     ) -> list[tuple[float, float]]:
         """Return the energy of each point and the bound of its error as a job has them; NaN if in doubt."""
         known: dict[tuple[int, int], tuple[arb, ...]] = {}
-        found: list[tuple[float, float]] = []
+        energies: list[tuple[float, float]] = []
         with ctx.workprec(REDUCTION_BITS):
             for row, square in zip(parameters, lambdas_squared, strict=True):
                 key = int(square.p), int(square.q)
@@ -220,8 +220,8 @@ class Energies:
                 total = terms[0]
                 for p, term in zip(row, terms[1:], strict=True):
                     total = total + arb(p) * term
-                found.append(rounded(total, float(arb(max(map(abs, row), default=fmpq(0))))))
-        return found
+                energies.append(rounded(total, float(arb(max(map(abs, row), default=fmpq(0))))))
+        return energies
 
 
 def energies_of(body: RigidBody, family: SweepFamily, motion: PlanarMotion) -> Energies | None:
@@ -256,10 +256,10 @@ def rounded(energy: arb, scale: float) -> tuple[float, float]:
     if energy.is_zero():
         # A job's ball has 0 in it; how wide it is, is told by no formula.
         return 0.0, math.nan
-    if not energy.is_finite() or energy.rel_accuracy_bits() < KNOWN_BITS:
+    if not energy.is_finite() or energy.rel_accuracy_bits() < ENERGY_BITS:
         return math.nan, math.nan
     value = _one_double(energy)
-    if not abs(value) > TINY * scale:
+    if not abs(value) > CANCELLED_ENERGY_SHARE * scale:
         return math.nan, math.nan
     # Of an exact double only the rest of the job's own ball is left.
     return value, math.nextafter(_one_double(abs(energy - value)), math.inf)

@@ -33,28 +33,28 @@ class SweptPoints:
         self._known = known
         self._indices = indices
 
-    def exact(self, axis: int, place: int) -> fmpq:
-        """Return the number on an axis at the ``place``-th point."""
-        double = float(self.doubles[axis, place])
+    def exact(self, axis: int, index: int) -> fmpq:
+        """Return the number on an axis at the ``index``-th point."""
+        double = float(self.doubles[axis, index])
         known = self._known[axis]
         if double not in known:
             # A double means its shortest decimal.
             return fmpq(*Decimal(repr(double)).as_integer_ratio())
-        found = known[double]
-        return _ratio(self._sweep.values(int(self._indices[place]))[axis]) if found is None else found
+        exact = known[double]
+        return _ratio(self._sweep.values(int(self._indices[index]))[axis]) if exact is None else exact
 
-    def exact_row(self, place: int, axes: Sequence[int]) -> list[fmpq]:
+    def exact_row(self, index: int, axes: Sequence[int]) -> list[fmpq]:
         """Return the numbers on several axes."""
-        return [self.exact(axis, place) for axis in axes]
+        return [self.exact(axis, index) for axis in axes]
 
     def parameters(self, coefficients: Coefficients, axes: Sequence[int]) -> "Parameters":
         """Return the coefficients that the numbers on these axes make."""
         if coefficients.parts is None:
-            return Parameters(self.doubles[list(axes)].T, lambda place: self.exact_row(place, axes))
-        exact = [coefficients.at(self.exact_row(place, axes)) for place in range(self.count)]
+            return Parameters(self.doubles[list(axes)].T, lambda index: self.exact_row(index, axes))
+        exact = [coefficients.at(self.exact_row(index, axes)) for index in range(self.count)]
         width = len(coefficients.paths)
         doubles = np.array([[math.nan] * width if row is None else list(map(_double, row)) for row in exact])
-        return Parameters(doubles.reshape(-1, width), lambda place: exact[place] or [])
+        return Parameters(doubles.reshape(-1, width), lambda index: exact[index] or [])
 
     def have_moment(self, body: RigidBody, axis: int) -> BoolArray:
         """Tell at which points the body with the number on an axis as its B is one."""
@@ -63,7 +63,7 @@ class SweptPoints:
             if body.allow_unphysical
             else (_ratio(abs(body.A - body.C)), _ratio(body.A + body.C))
         )
-        moments = [self.exact(axis, place) for place in range(self.count)]
+        moments = [self.exact(axis, index) for index in range(self.count)]
         return np.array([B > 0 and least <= B and (most is None or most >= B) for B in moments])
 
 
@@ -76,7 +76,7 @@ def curves_of(
     """
     if axis is None:
         return [_ratio(motion.lambda_squared)] * points.count, np.full(points.count, sign)
-    values = [points.exact(axis, place) for place in range(points.count)]
+    values = [points.exact(axis, index) for index in range(points.count)]
     if motion.nu is not None:
         return [abs(value) for value in values], np.sign(points.doubles[axis]).astype(np.int64)
     return [value * value for value in values], np.where(points.doubles[axis] > 0.0, sign, 0)
@@ -85,20 +85,20 @@ def curves_of(
 def times_of(points: SweptPoints, axes: Mapping[str, int], time: Times) -> list[Times | None]:
     """Return the times of every point; None where they are none, or out of reach.
 
-    ``axes`` are the places of those numbers of ``time`` that vary, by their names.
+    ``axes`` are those of the numbers of ``time`` that vary, by their names.
     """
     if not axes:
         return [time] * points.count
-    found: list[Times | None] = []
-    for place in range(points.count):
-        numbers = {name: _fraction(points.exact(axis, place)) for name, axis in axes.items()}
-        asked = replace(time, **numbers)  # type: ignore[arg-type,type-var,unused-ignore]
-        if isinstance(asked, TimeSpan):
-            is_usable = asked.start < asked.stop and max(-asked.start, asked.stop) <= LATEST
+    result: list[Times | None] = []
+    for index in range(points.count):
+        numbers = {name: _fraction(points.exact(axis, index)) for name, axis in axes.items()}
+        changed = replace(time, **numbers)  # type: ignore[arg-type,type-var,unused-ignore]
+        if isinstance(changed, TimeSpan):
+            is_usable = changed.start < changed.stop and max(-changed.start, changed.stop) <= LATEST
         else:
-            is_usable = isinstance(asked, TimePeriods) and 0 < asked.periods <= LATEST
-        found.append(asked if is_usable else None)
-    return found
+            is_usable = isinstance(changed, TimePeriods) and 0 < changed.periods <= LATEST
+        result.append(changed if is_usable else None)
+    return result
 
 
 class Parameters:
@@ -122,11 +122,11 @@ def are_numbers(doubles: FloatArray) -> BoolArray:
 def listed_exactly(axis: SweepAxis) -> dict[float, fmpq | None]:
     """Return listed numbers and ends that their doubles may not equal; None if two share a double."""
     if isinstance(axis.axis, ListedAxis):
-        given = axis.axis.listed
+        values = axis.axis.listed
     else:
-        given = (axis.axis.value(0), axis.axis.value(axis.axis.length - 1))
+        values = (axis.axis.value(0), axis.axis.value(axis.axis.length - 1))
     first: dict[float, Fraction] = {}
-    shared = {double for value in given if first.setdefault(double := float(value), value) != value}
+    shared = {double for value in values if first.setdefault(double := float(value), value) != value}
     return {double: None if double in shared else _ratio(value) for double, value in first.items()}
 
 

@@ -55,21 +55,21 @@ class Affine:
     def rests(self, parameters: Sequence[Sequence[fmpq]], doubles: Sequence[float]) -> list[float]:
         """Return what the ``doubles`` of the constants at each row of parameters leave out."""
         at_zero, slopes = _ratio(self.at_zero), [(k, _ratio(slope)) for k, slope in enumerate(self.slopes)]
-        found = list[float]()
+        result = list[float]()
         for row, known in zip(parameters, doubles, strict=True):
             left = sum((slope * row[k] for k, slope in slopes if slope), at_zero)
             left -= fmpq(*known.as_integer_ratio())
-            found.append(nearest_double(int(left.p), int(left.q)))
-        return found
+            result.append(nearest_double(int(left.p), int(left.q)))
+        return result
 
     def doubles(self, parameters: Sequence[Sequence[fmpq]]) -> list[float]:
         """Return the constant at each row of parameters, rounded once."""
         slopes = [(k, _ratio(slope)) for k, slope in enumerate(self.slopes) if slope]
-        at_zero, found = _ratio(self.at_zero), list[float]()
+        at_zero, result = _ratio(self.at_zero), list[float]()
         for row in parameters:
             value = sum((slope * row[k] for k, slope in slopes), at_zero)
-            found.append(nearest_double(int(value.p), int(value.q)))
-        return found
+            result.append(nearest_double(int(value.p), int(value.q)))
+        return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class AffineProgram:
     constants: FloatArray
     """With those that no parameter is in."""
     varying: Mapping[int, Affine]
-    """The others by their places."""
+    """The others by their indices."""
     tape: Tape
     """The tape of one member."""
 
@@ -101,14 +101,14 @@ class AffineProgram:
 
     def rests(self, rows: FloatArray, exact: Sequence[Sequence[fmpq]]) -> FloatArray:
         """Return what :meth:`rows` leave out of the constants, of the same shape."""
-        found = np.repeat(rests_of(self.tape, self.constants)[None, :], len(rows), axis=0)
+        result = np.repeat(rests_of(self.tape, self.constants)[None, :], len(rows), axis=0)
         for slot, affine in self.varying.items():
-            found[:, slot] = affine.rests(exact, rows[:, slot].tolist())
-        return found
+            result[:, slot] = affine.rests(exact, rows[:, slot].tolist())
+        return result
 
-    def group(self, rows: FloatArray, places: IntArray) -> "Group":
+    def group(self, rows: FloatArray, indices: IntArray) -> "Group":
         """Return points with these constants as a group."""
-        return Group(self.program, rows, places, self.tape, tuple(self.varying))
+        return Group(self.program, rows, indices, self.tape, tuple(self.varying))
 
     @property
     def needs_exact(self) -> bool:
@@ -170,23 +170,23 @@ class Group:
     program: Program
     rows: FloatArray
     """The constants of each, the doubles nearest to them."""
-    places: IntArray
+    indices: IntArray
     """Indices of the points in their block."""
     tape: Tape
     """The tape of one of the points; the others differ in constants only."""
     varying: tuple[int, ...]
-    """The places of those constants in a row."""
+    """The indices of those constants in a row."""
     rests: FloatArray | None = None
     """Low parts that the rows leave out of the constants; None where nobody asked for them."""
 
     def part(self, members: NDArray[np.bool_]) -> "Group":
         """Return those of the points that are ``members``, shape (points,)."""
         rests = None if self.rests is None else self.rests[members]
-        return replace(self, rows=self.rows[members], places=self.places[members], rests=rests)
+        return replace(self, rows=self.rows[members], indices=self.indices[members], rests=rests)
 
     def tape_of_all(self) -> Tape:
         """Return the tape that has the varying constants as further variables."""
-        numbered = [place for place, at in enumerate(self.tape.instructions) if _has_number(at)]
+        numbered = [index for index, at in enumerate(self.tape.instructions) if _has_number(at)]
         return with_inputs(self.tape, [numbered[slot] for slot in self.varying])
 
     def inputs(self) -> tuple[FloatArray, ...]:
@@ -195,25 +195,25 @@ class Group:
 
 
 def grouped(body: RigidBody, documents: Mapping[int, Part]) -> list[Group]:
-    """Compile the potential of each place's document; what has no program is in no group."""
+    """Compile the potential of each point's document; what has no program is in no group."""
     members: dict[tuple[bytes, tuple[object, ...]], list[tuple[int, Tape, Program, FloatArray]]] = {}
-    for place, document in documents.items():
+    for index, document in documents.items():
         try:
             tape = potential_of(document, body).tape
         except (DynamicsError, ValueError):
             continue
         program, constants = make_program(tape)
         exponents = tuple(at.number for at in tape.instructions if at.operation == "power")
-        members.setdefault((program.key, exponents), []).append((place, tape, program, constants))
-    return [_group(found) for found in members.values()]
+        members.setdefault((program.key, exponents), []).append((index, tape, program, constants))
+    return [_group(each) for each in members.values()]
 
 
 def _group(members: Sequence[tuple[int, Tape, Program, FloatArray]]) -> Group:
-    places, tapes, programs, rows = zip(*members, strict=True)
+    indices, tapes, programs, rows = zip(*members, strict=True)
     columns = zip(*map(numbers_of, tapes), strict=True)
     varying = tuple(slot for slot, column in enumerate(columns) if any(n != column[0] for n in column))
     rests = np.array([rests_of(tape, row) for tape, row in zip(tapes, rows, strict=True)])
-    return Group(programs[0], np.array(rows), np.array(places, dtype=np.int64), tapes[0], varying, rests)
+    return Group(programs[0], np.array(rows), np.array(indices, dtype=np.int64), tapes[0], varying, rests)
 
 
 def _tape(

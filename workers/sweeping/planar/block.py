@@ -29,13 +29,13 @@ from workers.sweeping.parameters.points import (
 )
 from workers.sweeping.parameters.programs import AffineProgram, Group, affine_program, grouped
 from workers.sweeping.planar.by_roots import sweep_by_roots
-from workers.sweeping.planar.doubles import Sampling, Swept, sweep_sets
+from workers.sweeping.planar.doubles import BlockResult, Sampling, sweep_sets
 from workers.sweeping.planar.exclusions import have_no_motion_at, keep_their_sign
 from workers.sweeping.planar.outputs import OUTPUTS, KeptIntegrals, KeptOutputs
 from workers.sweeping.planar.records import (
     NO_MOTION,
+    CompiledPlan,
     FoundPoints,
-    Quick,
     Side,
     SolvedBlock,
     numbers_of_motions,
@@ -53,10 +53,10 @@ MAX_PROGRAMS = 64
 class BlockSolver:
     """Solves blocks of one sweep."""
 
-    def __init__(self, sweep: Sweep, quick: Quick) -> None:
+    def __init__(self, sweep: Sweep, plan: CompiledPlan) -> None:
         self._sweep = sweep
-        self._quick = quick
-        problem = quick.problem
+        self._plan = plan
+        problem = plan.problem
         self._is_relative = problem.accuracy.measure == "relative"
         grade = compiled_tier(problem)
         assert grade is not None
@@ -77,28 +77,28 @@ class BlockSolver:
 
     def solve_some(self, indices: IntArray) -> SolvedBlock:
         """Solve points of any indices."""
-        quick = self._quick
+        plan = self._plan
         points = SweptPoints(self._sweep, self._known, indices)
-        found = FoundPoints(self._sweep, self._names, len(indices))
-        sign, side = next(iter(quick.sides.items()))
-        squares, signs = curves_of(points, quick.curve_place, sign, side.motion)
-        parameters = points.parameters(quick.coefficients, quick.places)
+        results = FoundPoints(self._sweep, self._names, len(indices))
+        sign, side = next(iter(plan.sides.items()))
+        squares, signs = curves_of(points, plan.curve_axis, sign, side.motion)
+        parameters = points.parameters(plan.coefficients, plan.axes)
         usable = are_numbers(points.doubles.T) & are_numbers(parameters.doubles)
-        times = times_of(points, quick.time_places, quick.problem.time)
+        times = times_of(points, plan.time_axes, plan.problem.time)
         usable &= np.array([each is not None for each in times])
-        if quick.moment_place is not None:
-            usable &= points.have_moment(quick.problem.body, quick.moment_place)
-        for sign, side in quick.sides.items():
+        if plan.moment_axis is not None:
+            usable &= points.have_moment(plan.problem.body, plan.moment_axis)
+        for sign, side in plan.sides.items():
             is_here = usable & (signs == sign)
-            if quick.start_place is not None:
-                is_here &= np.sign(points.doubles[quick.start_place]) == sign
+            if plan.start_axis is not None:
+                is_here &= np.sign(points.doubles[plan.start_axis]) == sign
             for group in self._groups(points, parameters, np.flatnonzero(is_here)):
-                self._solve_group(found, points, parameters, side, group, squares, times)
-        return found.block()
+                self._solve_group(results, points, parameters, side, group, squares, times)
+        return results.block()
 
     def _solve_group(
         self,
-        found: FoundPoints,
+        results: FoundPoints,
         points: SweptPoints,
         parameters: Parameters,
         side: Side,
@@ -107,61 +107,61 @@ class BlockSolver:
         times: Sequence[Times | None],
     ) -> None:
         """Solve in the client's units, and what needs units of its own in these."""
-        here = _Here(points, parameters, side, [squares[place] for place in group.places.tolist()], times)
+        here = _Here(points, parameters, side, [squares[index] for index in group.indices.tolist()], times)
         if self._is_relative:
             own = self._speeds(here, group)
-            self._refuse_empty(found, here, group, np.flatnonzero(np.isnan(own)))
+            self._refuse_empty(results, here, group, np.flatnonzero(np.isnan(own)))
         else:
-            missed = self._solve_in(found, here, group, Units())
-            own = np.zeros(len(group.places))
-            if self._quick.problem.accuracy.measure == "above 1" and missed.any():
+            missed = self._solve_in(results, here, group, Units())
+            own = np.zeros(len(group.indices))
+            if self._plan.problem.accuracy.measure == "above 1" and missed.any():
                 # As a job does: who misses a tier is asked in its own units if it is quick.
                 speeds = self._speeds(here, group)
                 own[missed & (speeds >= QUICK_SPEED)] = speeds[missed & (speeds >= QUICK_SPEED)]
         if self._outputs.are_any:
             return
-        units = [Units.of(speed, self._quick.problem.body) for speed in own.tolist()]
+        units = [Units.of(speed, self._plan.problem.body) for speed in own.tolist()]
         for each in sorted({unit for unit, speed in zip(units, own, strict=True) if speed > 0.0}, key=_k):
             members = np.array([unit == each for unit in units]) & (own > 0.0)
             part = replace(here, squares=[here.squares[n] for n in np.flatnonzero(members).tolist()])
-            self._solve_in(found, part, group.part(members), each, is_own=True)
+            self._solve_in(results, part, group.part(members), each, is_own=True)
 
     def _speeds(self, here: "_Here", group: Group) -> FloatArray:
         """Return about the largest |ω| of each point, as a job has it; NaN where that is not known here."""
         sampling = Sampling(self._sampling.time, np.zeros(0, dtype=np.int64), has_times=False)
-        swept = self._swept(here, group, Units(), sampling, "draft")
-        return np.full(len(group.places), np.nan) if swept is None else swept.speeds
+        result = self._solved(here, group, Units(), sampling, "draft")
+        return np.full(len(group.indices), np.nan) if result is None else result.speeds
 
     def _solve_in(
-        self, found: FoundPoints, here: "_Here", group: Group, units: Units, *, is_own: bool = False
+        self, results: FoundPoints, here: "_Here", group: Group, units: Units, *, is_own: bool = False
     ) -> BoolArray:
         """Solve the points of a group in ``units``; say which have a motion that misses what is asked."""
-        quick, places, chosen = self._quick, group.places, here.squares
-        problem, side = units.pose(quick.problem), here.side
+        plan, indices, chosen = self._plan, group.indices, here.squares
+        problem, side = units.pose(plan.problem), here.side
         sampling = self._sampling
         if is_own and sampling.has_times:
             # What is promised depends on the sizes of the variables.
             sampling = replace(sampling, columns=ALL)
-        swept = self._swept(here, group, units, sampling, self._grade)
-        if swept is None:
-            return np.zeros(len(places), dtype=np.bool_)
-        decided = np.isfinite(swept.errors) & (swept.errors <= problem.tolerance)
+        result = self._solved(here, group, units, sampling, self._grade)
+        if result is None:
+            return np.zeros(len(indices), dtype=np.bool_)
+        decided = np.isfinite(result.errors) & (result.errors <= problem.tolerance)
         # If only the period is asked for, its own error alone decides whether it is accurate enough.
-        decided &= swept.period_errors <= problem.tolerance * swept.periods
-        missed, swept = np.isfinite(swept.errors) & ~decided, swept.in_units(units)
-        decided &= np.isfinite(swept.samples).all(axis=(1, 2))
+        decided &= result.period_errors <= problem.tolerance * result.periods
+        missed, result = np.isfinite(result.errors) & ~decided, result.in_units(units)
+        decided &= np.isfinite(result.samples).all(axis=(1, 2))
         if is_own and sampling.has_times:
-            accuracy = quick.problem.accuracy
+            accuracy = plan.problem.accuracy
             for n in np.flatnonzero(decided).tolist():
-                groups = group_errors(swept.samples[n], float(swept.errors[n]), units.quick)
+                groups = group_errors(result.samples[n], float(result.errors[n]), units.quick)
                 decided[n] = keeps(accuracy, groups.values())
-        numbers = numbers_of_motions(swept, sampling.has_times)
-        rows = here.parameters.doubles[places]
-        decided &= ~swept.passes_pole | self._are_plain(rows)
-        if swept.approaches is not None:
-            decided &= keep_their_sign(group.program, group.rows, swept.approaches)
+        numbers = numbers_of_motions(result, sampling.has_times)
+        rows = here.parameters.doubles[indices]
+        decided &= ~result.passes_pole | self._are_plain(rows)
+        if result.approaches is not None:
+            decided &= keep_their_sign(group.program, group.rows, result.approaches)
         if self._keeps_energy and side.energies is not None:
-            exact = [here.parameters.exact(place) for place in places.tolist()]
+            exact = [here.parameters.exact(index) for index in indices.tolist()]
             energies = np.array(side.energies.rounded(exact, chosen)).reshape(-1, 2)
             numbers |= {"energy": energies[:, 0], "energy.error": energies[:, 1]}
             # A drift is one from the energy, too.
@@ -169,46 +169,46 @@ class BlockSolver:
             if "energy.error" in self._sweep.keep:
                 decided &= np.isfinite(numbers["energy.error"])
         if self._integrals.names:
-            known = numbers.get("energy", np.zeros(len(places)))
-            numbers |= self._along(here.points, group, decided, side, known, swept.samples)
+            known = numbers.get("energy", np.zeros(len(indices)))
+            numbers |= self._along(here.points, group, decided, side, known, result.samples)
             # What is beyond doubles a job does not tell.
             decided &= ~np.any([np.isinf(numbers[name]) for name in self._integrals.names], axis=0)
         if self._outputs.are_any:
             numbers |= self._outputs_along(here.points, side, group, chosen, decided)
-        found.add(places, decided, numbers, swept)
-        self._refuse_empty(found, here, group, np.flatnonzero(~decided))
+        results.add(indices, decided, numbers, result)
+        self._refuse_empty(results, here, group, np.flatnonzero(~decided))
         return missed
 
-    def _refuse_empty(self, found: FoundPoints, here: "_Here", group: Group, rest: IntArray) -> None:
+    def _refuse_empty(self, results: FoundPoints, here: "_Here", group: Group, rest: IntArray) -> None:
         """Refuse those among the ``rest`` of a group that certainly have no motion."""
-        curves = [here.squares[place] for place in rest.tolist()]
-        empty = have_no_motion_at(self._quick.problem.body, here.side.motion, group, rest, curves)
-        found.refuse(NO_MOTION, group.places[rest[empty]])
+        curves = [here.squares[index] for index in rest.tolist()]
+        empty = have_no_motion_at(self._plan.problem.body, here.side.motion, group, rest, curves)
+        results.refuse(NO_MOTION, group.indices[rest[empty]])
 
-    def _swept(
+    def _solved(
         self, here: "_Here", group: Group, units: Units, sampling: Sampling, tier: Tier
-    ) -> Swept | None:
-        quick, side, places = self._quick, here.side, group.places
-        body, at = units.body(quick.problem.body), quick.start_place
-        sizes = None if at is None else np.abs(here.points.doubles[at, places])
+    ) -> BlockResult | None:
+        plan, side, indices = self._plan, here.side, group.indices
+        body, at = units.body(plan.problem.body), plan.start_axis
+        sizes = None if at is None else np.abs(here.points.doubles[at, indices])
         sampling = replace(sampling, time=units.times(sampling.time))
         own = None
-        if quick.time_places and sampling.has_times:
-            own = [units.times(each) for place in places.tolist() if (each := here.times[place]) is not None]
+        if plan.time_axes and sampling.has_times:
+            own = [units.times(each) for index in indices.tolist() if (each := here.times[index]) is not None]
         rests = group.rests if tier == "high" else None
-        swept = sweep_sets(
+        result = sweep_sets(
             body, side.motion, group.program, group.rows, here.squares, sampling, tier, sizes, own, rests
         )
-        if swept is None or side.rational is None or tier != "high":
-            return swept
-        left = np.flatnonzero(~swept.is_kept)
-        numbers = places[left].tolist()
-        exact = [here.parameters.exact(place) for place in numbers]
-        starts = None if at is None else [here.points.exact(at, place) for place in numbers]
+        if result is None or side.rational is None or tier != "high":
+            return result
+        left = np.flatnonzero(~result.is_kept)
+        numbers = indices[left].tolist()
+        exact = [here.parameters.exact(index) for index in numbers]
+        starts = None if at is None else [here.points.exact(at, index) for index in numbers]
         begun = None if starts is None else [abs(_fraction(start)) for start in starts]
-        curves = [here.squares[place] for place in left.tolist()]
+        curves = [here.squares[index] for index in left.tolist()]
         by_roots = sweep_by_roots(replace(side.rational, body=body), exact, curves, sampling, begun)
-        return swept.with_others(left, by_roots)
+        return result.with_others(left, by_roots)
 
     def _along(
         self,
@@ -220,12 +220,12 @@ class BlockSolver:
         samples: FloatArray,
     ) -> dict[str, FloatArray]:
         """Return what is kept of the integrals along each decided motion."""
-        problem, places = self._quick.problem, group.places
+        problem, indices = self._plan.problem, group.indices
 
         def potential_at(n: int) -> Potential:
-            if not self._quick.places:
+            if not self._plan.axes:
                 return problem.potential
-            return potential_of(self._potential_at(points, int(places[n])), problem.body)
+            return potential_of(self._potential_at(points, int(indices[n])), problem.body)
 
         wanted, sign = np.flatnonzero(decided), side.motion.sign_of_g1
         return self._integrals.along(group, sign, energies, samples, wanted, potential_at)
@@ -234,32 +234,32 @@ class BlockSolver:
         self, points: SweptPoints, side: Side, group: Group, chosen: Sequence[fmpq], decided: BoolArray
     ) -> dict[str, FloatArray]:
         """Return what is kept of further outputs of each decided motion; those that need a job are not."""
-        quick, places = self._quick, group.places
-        at = quick.start_place
-        starts = None if at is None else np.abs(points.doubles[at, places])
+        plan, indices = self._plan, group.indices
+        at = plan.start_axis
+        starts = None if at is None else np.abs(points.doubles[at, indices])
         outputs = self._outputs.along(side, group, chosen, starts)
-        columns = {name: np.full(len(places), np.nan) for name in self._sweep.keep if name in OUTPUTS}
+        columns = {name: np.full(len(indices), np.nan) for name in self._sweep.keep if name in OUTPUTS}
         for n in np.flatnonzero(decided).tolist():
-            B, moment = quick.problem.body.B, quick.moment_place
+            B, moment = plan.problem.body.B, plan.moment_axis
             if moment is not None:
-                B = _fraction(points.exact(moment, int(places[n])))
-            found = None if outputs is None else outputs.of_point(n, B)
-            if found is None:
+                B = _fraction(points.exact(moment, int(indices[n])))
+            of_point = None if outputs is None else outputs.of_point(n, B)
+            if of_point is None:
                 decided[n] = False
                 continue
             for name, column in columns.items():
-                column[n] = found[name]
+                column[n] = of_point[name]
         return columns
 
     def _are_plain(self, parameters: FloatArray) -> BoolArray:
-        poles = self._quick.poles
+        poles = self._plan.poles
         return np.zeros(len(parameters), dtype=np.bool_) if poles is None else poles.are_plain(parameters)
 
-    def _groups(self, points: SweptPoints, parameters: Parameters, places: IntArray) -> list[Group]:
-        """Return the places by their programs; points without a program are left out."""
+    def _groups(self, points: SweptPoints, parameters: Parameters, indices: IntArray) -> list[Group]:
+        """Return the points by their programs; points without a program are left out."""
         groups, by_key = list[Group](), dict[tuple[int, ...], list[int]]()
-        for place, row in zip(places.tolist(), parameters.doubles[places].tolist(), strict=True):
-            by_key.setdefault(self._key(row), []).append(place)
+        for index, row in zip(indices.tolist(), parameters.doubles[indices].tolist(), strict=True):
+            by_key.setdefault(self._key(row), []).append(index)
         for key, members in by_key.items():
             here = np.array(members, dtype=np.int64)
             shared = self._program(key)
@@ -274,31 +274,29 @@ class BlockSolver:
                 numbers = [exact[n] for n in np.flatnonzero(generic).tolist()]
                 group = replace(group, rests=shared.rests(group.rows, numbers))
             groups.append(group)
-            places = np.setdiff1d(places, here[generic])
-        documents = {place: self._potential_at(points, place) for place in places.tolist()}
-        return [
-            group for group in [*groups, *grouped(self._quick.problem.body, documents)] if len(group.rows)
-        ]
+            indices = np.setdiff1d(indices, here[generic])
+        documents = {index: self._potential_at(points, index) for index in indices.tolist()}
+        return [group for group in [*groups, *grouped(self._plan.problem.body, documents)] if len(group.rows)]
 
     def _key(self, row: Sequence[float]) -> tuple[int, ...]:
         """Return what else than its constants a program depends on: a family writes sums by signs."""
-        if self._quick.potential.get("type") == "expression":
+        if self._plan.potential.get("type") == "expression":
             return (1,) * len(row)
         return tuple(int(np.sign(number)) for number in row)
 
     def _program(self, key: tuple[int, ...]) -> AffineProgram | None:
         if key not in self._programs:
-            body, made = self._quick.problem.body, self._quick.coefficients
+            body, made = self._plan.problem.body, self._plan.coefficients
             known = all(key) and len(self._programs) < MAX_PROGRAMS
             self._programs[key] = affine_program(body, made.document, made.paths, key) if known else None
         return self._programs[key]
 
-    def _potential_at(self, points: SweptPoints, place: int) -> Part:
+    def _potential_at(self, points: SweptPoints, index: int) -> Part:
         values = {
-            path: json_number(_fraction(points.exact(axis, place)))
-            for path, axis in zip(self._quick.paths, self._quick.places, strict=True)
+            path: json_number(_fraction(points.exact(axis, index)))
+            for path, axis in zip(self._plan.paths, self._plan.axes, strict=True)
         }
-        return with_values(self._quick.potential, dict(values))
+        return with_values(self._plan.potential, dict(values))
 
 
 @dataclass(frozen=True, slots=True)

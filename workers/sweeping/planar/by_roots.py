@@ -20,14 +20,14 @@ from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import Period
 from workers.solvers.compiled.batch import NO_TIMES, BatchResult, bounds_of
-from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.frame import Frame, make_frame
 from workers.solvers.compiled.rational.roots import Radicand, curve_of, expansion_of, radicand_of
 from workers.solvers.compiled.records import FOUND, Records, copied, new_records
 from workers.solvers.compiled.solve import solve_rational
 from workers.solvers.compiled.time_map.sampling import sample_one
+from workers.solvers.compiled.workspace import WORKSPACE
 from workers.sweeping.parameters.family import SweepFamily
-from workers.sweeping.planar.doubles import Sampling, Swept, logarithms_of, pass_a_pole
+from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, pass_a_pole
 
 FloatArray = NDArray[np.float64]
 
@@ -67,10 +67,10 @@ def rational_family(body: RigidBody, family: SweepFamily, motion: PlanarMotion) 
     if curve_of(body, motion) is None or make_frame(body, motion) is None:
         return None
     expanded = [expansion_of(body, member.potential, motion) for member in family.members]
-    found = [each for each in expanded if each is not None]
-    if len(found) != len(expanded):
+    known = [each for each in expanded if each is not None]
+    if len(known) != len(expanded):
         return None
-    origin, *units = found
+    origin, *units = known
     return RationalFamily(body, motion, origin, tuple(_difference(unit, origin) for unit in units))
 
 
@@ -80,8 +80,8 @@ def sweep_by_roots(
     lambdas_squared: Sequence[fmpq],
     sampling: Sampling,
     starts: Sequence[Fraction] | None = None,
-) -> Swept:
-    """Solve the potentials of ``rows`` to the last digit, each on the curve of the same place's λ².
+) -> BlockResult:
+    """Solve the potentials of ``rows`` to the last digit, each on the curve of the same row's λ².
 
     ``starts`` are the |g1| at the starts, where each point has its own. What is not of this kind, or not
     decided, is not solved.
@@ -89,7 +89,7 @@ def sweep_by_roots(
     frame = make_frame(family.body, family.motion)
     assert frame is not None
     loops = frame.loops(logarithms_of(lambdas_squared))
-    found = _Found(loops, sampling)
+    results = _Found(loops, sampling)
     for n, (row, square) in enumerate(zip(rows, lambdas_squared, strict=True)):
         motion = family.at(square, None if starts is None else starts[n])
         nu = curve_of(family.body, motion)
@@ -98,8 +98,8 @@ def sweep_by_roots(
             continue
         solved = solve_rational(radicand, motion, Frame(copied(loops[n : n + 1])))
         if solved is not None:
-            found.add(n, *solved)
-    return found.swept()
+            results.add(n, *solved)
+    return results.result()
 
 
 class _Found:
@@ -107,7 +107,11 @@ class _Found:
 
     def __init__(self, loops: Records, sampling: Sampling) -> None:
         sets = len(loops)
-        self._loops, self._about, self._desk = copied(loops), new_records(FOUND, sets), new_records(DESK)
+        self._loops, self._about, self._workspace = (
+            copied(loops),
+            new_records(FOUND, sets),
+            new_records(WORKSPACE),
+        )
         self._about["panels"] = 0
         self._sampling = sampling
         is_shared = sampling.has_times and not isinstance(sampling.time, TimePeriods)
@@ -124,19 +128,19 @@ class _Found:
         if not self._sampling.has_times:
             self._latest[n] = period.hi
             return
-        asked = self._asked(period)
-        self._times[n], self._latest[n] = asked.doubles, np.abs(asked.doubles).max()
+        times = self._asked(period)
+        self._times[n], self._latest[n] = times.doubles, np.abs(times.doubles).max()
         columns = self._sampling.columns
         if len(columns):
             rows = self._samples[n]
-            sample_one(run.loops, run.panels, asked.doubles, asked.rests, columns, self._desk, rows)
+            sample_one(run.loops, run.panels, times.doubles, times.low_parts, columns, self._workspace, rows)
 
-    def swept(self) -> Swept:
+    def result(self) -> BlockResult:
         """Return all of them."""
         bounds = bounds_of(self._about)
         errors = bounds.error_at(self._latest, self._periods, self._uncertain)
         is_solved = (self._about["panels"] > 0) & ~np.isnan(errors)
-        return Swept(
+        return BlockResult(
             self._periods,
             # What the second double of the period says is left out of the first.
             self._lows + self._uncertain,
@@ -156,8 +160,8 @@ class _Found:
 
 def _difference(one: Laurent, other: Laurent) -> Laurent:
     keys = {*one, *other}
-    found = {key: one.get(key, Fraction(0)) - other.get(key, Fraction(0)) for key in keys}
-    return {key: value for key, value in found.items() if value}
+    difference = {key: one.get(key, Fraction(0)) - other.get(key, Fraction(0)) for key in keys}
+    return {key: value for key, value in difference.items() if value}
 
 
 def _fraction(value: fmpq) -> Fraction:

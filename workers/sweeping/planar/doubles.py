@@ -14,13 +14,13 @@ from service.dynamics.problem import PlanarMotion, StartAtPoint, TimeList, TimeP
 from service.dynamics.sampling import SampleTimes, sample_times, sample_times_of_each
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.compiled.batch import NO_TIMES, Batch, Tier, bounds_of, solve_batch
-from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.evaluation.program import Program
 from workers.solvers.compiled.frame import logarithm_of, make_frame, with_rests
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.compiled.records import FOUND, Found, Records, copied, new_records
 from workers.solvers.compiled.solve import START_ULPS, is_kept
 from workers.solvers.compiled.time_map.sampling import sample_one
+from workers.solvers.compiled.workspace import WORKSPACE
 from workers.solvers.units import Units
 
 FloatArray = NDArray[np.float64]
@@ -29,7 +29,7 @@ IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class Swept:
+class BlockResult:
     """Motions of one program, NaN where one was not decided."""
 
     periods: FloatArray
@@ -45,14 +45,14 @@ class Swept:
     is_kept: BoolArray
     """The motions that have the digits of ``high`` within a period."""
     approaches: FloatArray | None
-    """Poisson variables of points on the way to each pole, shape (sets, 2, depths, 3); see :data:`DEPTHS`.
+    """Poisson variables of points on the way to each pole, shape (sets, 2, POLE_DEPTHS, 3).
 
     None where nobody needs to look there.
     """
     speeds: FloatArray
     """Largest |p| or |r| of each, about."""
 
-    def in_units(self, units: Units) -> "Swept":
+    def in_units(self, units: Units) -> "BlockResult":
         """Return what was solved in these units in the client's; nothing changes in the client's own."""
         if not units.k:
             return self
@@ -67,18 +67,18 @@ class Swept:
             speeds=self.speeds * units.quick,
         )
 
-    def with_others(self, places: IntArray, others: "Swept") -> "Swept":
-        """Return these motions with ``others`` at ``places`` (others,), where another way has solved them."""
+    def with_others(self, indices: IntArray, others: "BlockResult") -> "BlockResult":
+        """Return these motions with ``others`` at ``indices``, where another way has solved them."""
         solved = others.is_kept
-        places = places[solved]
+        indices = indices[solved]
 
         def put(mine: FloatArray, theirs: FloatArray) -> FloatArray:
             whole = mine.copy()
-            whole[places] = theirs[solved]
+            whole[indices] = theirs[solved]
             return whole
 
         passes_pole, kept = self.passes_pole.copy(), self.is_kept.copy()
-        passes_pole[places], kept[places] = others.passes_pole[solved], True
+        passes_pole[indices], kept[indices] = others.passes_pole[solved], True
         return replace(
             self,
             periods=put(self.periods, others.periods),
@@ -92,12 +92,12 @@ class Swept:
         )
 
 
-DEPTHS = (1.0 / math.cosh(13.0), 1e-9, 1e-14, 1e-25, 1e-50, 1e-100)
-"""|sin v| from the last place near a pole that the solver looks at to where one power is left."""
+POLE_DEPTHS = (1.0 / math.cosh(13.0), 1e-9, 1e-14, 1e-25, 1e-50, 1e-100)
+"""|sin v| from the last point near a pole that the solver looks at to where one power is left."""
 
 
 AT_START = SampleTimes(np.zeros(1), np.zeros(1))
-SURE = 2.0**-20
+LEAST_START_SLOPE = 2.0**-20
 """Least |g1'| and |g3'| at a given start: below, doubles do not tell that the start is inside the window."""
 
 
@@ -123,8 +123,8 @@ def sweep_sets(
     starts: FloatArray | None = None,
     times: Sequence[Times] | None = None,
     rests: FloatArray | None = None,
-) -> Swept | None:
-    """Solve the program with each of the ``rows`` of constants, on the curve of the same place's λ².
+) -> BlockResult | None:
+    """Solve the program with each of the ``rows`` of constants, on the curve of the same row's λ².
 
     ``motion`` gives everything but λ, and but |g1| at its start where there are ``starts``, shape (sets,).
     ``rests`` are what the constants leave out, where the tier asks for them. None if motions of its kind are
@@ -150,7 +150,7 @@ def sweep_loops(
     starts: FloatArray | None = None,
     times: Sequence[Times] | None = None,
     rests: FloatArray | None = None,
-) -> Swept:
+) -> BlockResult:
     """Solve the program with each of the ``rows`` on its own loop, as :func:`sweep_sets` does.
 
     With ``times`` each has its own; else those of ``sampling`` are those of all.
@@ -168,7 +168,7 @@ def sweep_loops(
     asked = sample_times(sampling.time, None) if shared else NO_TIMES
     run = solve_batch(replace(batch, times=asked if len(sampling.columns) else NO_TIMES))
     latest = np.abs(asked.doubles).max() if shared else _latest(sampling, times, run.found)
-    return _swept(run.loops, run.found, late, latest, asked.doubles, run.samples)
+    return _solved(run.loops, run.found, late, latest, asked.doubles, run.samples)
 
 
 def logarithms_of(lambdas_squared: Sequence[fmpq]) -> list[float]:
@@ -184,18 +184,18 @@ def _lateness(batch: Batch) -> FloatArray:
     states = np.abs(solve_batch(replace(batch, times=AT_START, columns=ALL)).samples[:, 0])
     slowest = states[:, 4] * np.minimum(states[:, 0], states[:, 2])
     late = np.full(len(slowest), np.inf)
-    is_sure = slowest > SURE
+    is_sure = slowest > LEAST_START_SLOPE
     late[is_sure] = START_ULPS * EPSILON / slowest[is_sure]
     return late
 
 
-def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArray) -> Swept:
+def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArray) -> BlockResult:
     """Solve one after the other: each motion has times of its own, as it has in periods."""
     sets, first = len(batch.loops), asked_of[0]
     assert not isinstance(first, TimeList)
     times = np.full((sets, first.samples), np.nan)
     samples = np.full((*times.shape, len(batch.columns)), np.nan)
-    loops, found, desk = copied(batch.loops), new_records(FOUND, sets), new_records(DESK)
+    loops, found, workspace = copied(batch.loops), new_records(FOUND, sets), new_records(WORKSPACE)
     for n in range(sets):
         one = slice(n, n + 1)
         rests = None if batch.rests is None else batch.rests[one]
@@ -208,18 +208,18 @@ def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArr
             times[n] = asked.doubles
             if not len(batch.columns):
                 continue
-            sample_one(run.loops, run.panels, times[n], asked.rests, batch.columns, desk, samples[n])
-    return _swept(loops, found, late, np.abs(times).max(axis=1), times, samples)
+            sample_one(run.loops, run.panels, times[n], asked.low_parts, batch.columns, workspace, samples[n])
+    return _solved(loops, found, late, np.abs(times).max(axis=1), times, samples)
 
 
-def _swept(
+def _solved(
     loops: Records,
     found: Records,
     late: FloatArray,
     latest: FloatArray | float,
     times: FloatArray,
     samples: FloatArray,
-) -> Swept:
+) -> BlockResult:
     bounds = bounds_of(found)
     bounds = replace(bounds, time=bounds.time + late)
     # Of samples up to |t| = latest; inf where not decided.
@@ -227,7 +227,7 @@ def _swept(
     is_solved = (found["panels"] > 0) & ~np.isnan(errors)
     # What the second double of a period says is left out of the first.
     period_errors = np.abs(loops["period_lo"]) + found["period_error"]
-    return Swept(
+    return BlockResult(
         found["period"],
         period_errors,
         np.where(is_solved, errors, np.inf),
@@ -271,8 +271,8 @@ def pass_a_pole(loops: Records, found: Records) -> BoolArray:
 
 
 def _approaches(loops: Records) -> FloatArray:
-    """Return the points with |sin v| = ``DEPTHS`` on the half of the loop where the motion is asked."""
-    depths = np.array(DEPTHS)
+    """Return the points with |sin v| = ``POLE_DEPTHS`` on the half of the loop where the motion is asked."""
+    depths = np.array(POLE_DEPTHS)
     first = (loops["sign1"] * loops["g"])[:, None] * depths ** loops["alpha"][:, None]
     third = loops["half"][:, None] * loops["z"][:, None] * depths
     second = np.sqrt(1.0 - first * first - third * third)

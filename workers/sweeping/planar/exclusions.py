@@ -39,7 +39,7 @@ IntArray = NDArray[np.int64]
 FloatArray = NDArray[np.floating]
 
 
-KNOWN = 4
+KNOWN_POLE_DEPTHS = 4
 """Depths at which D must be known."""
 
 
@@ -56,14 +56,14 @@ def keep_their_sign(program: Program, rows: FloatArray, approaches: FloatArray) 
     signs = np.sign(np.where(np.isfinite(D) & (g1 != 0.0) & (g3 != 0.0), D, np.nan))
     begun = signs[..., :1]
     same: BoolArray = ((signs == begun) | np.isnan(signs)).all(axis=(1, 2))
-    return same & np.abs(begun).all(axis=(1, 2)) & ~np.isnan(signs[..., :KNOWN]).any(axis=(1, 2))
+    return same & np.abs(begun).all(axis=(1, 2)) & ~np.isnan(signs[..., :KNOWN_POLE_DEPTHS]).any(axis=(1, 2))
 
 
 @np.errstate(all="ignore")
 def slopes_along(
     program: Program, rows: FloatArray, g1: FloatArray, g2: FloatArray, g3: FloatArray
 ) -> FloatArray:
-    """Return D = g1 V_3 − g3 V_1: points by the rows of their constants, and any places of each.
+    """Return D = g1 V_3 − g3 V_1: points by the rows of their constants, and any points of each.
 
     Far down the terms of D are beyond the range of doubles, but not of what processors have besides. Where
     nothing has a larger range the caller finds that it knows less.
@@ -112,7 +112,7 @@ def _called(operation: int, x: FloatArray, dx: FloatArray) -> tuple[FloatArray, 
     return (np.abs(x), np.sign(x) * dx) if operation == ABS else (x + np.nan, dx + np.nan)
 
 
-LOGARITHM = 2.0**-50
+LOG_LAMBDA_ERROR = 2.0**-50
 """More than the error of log λ relative to 1 + |log λ|: λ², its logarithm, α and the quotient are rounded."""
 
 
@@ -132,7 +132,7 @@ def have_no_motion_at(
         return np.zeros(len(chosen), dtype=np.bool_)
     shape = shape_of(body, motion)
     logarithms = frame.primed(np.array(logarithms_of(lambdas_squared)))
-    errors = LOGARITHM * (1.0 + np.abs(logarithms))
+    errors = LOG_LAMBDA_ERROR * (1.0 + np.abs(logarithms))
     Z, G = equators(shape.alpha, logarithms - errors, logarithms + errors)
     inputs = tuple(column[chosen] for column in group.inputs())
     return have_no_motion(group.tape_of_all(), Loops(shape, Z, G, inputs))

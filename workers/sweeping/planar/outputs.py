@@ -73,14 +73,14 @@ class KeptIntegrals:
         ``samples`` have the shape (motions, n, 6); ``potential_at`` returns the potential of a motion. Where
         twice the digits do not tell a number, the functions of a single job do.
         """
-        found: dict[str, FloatArray] = {}
+        numbers: dict[str, FloatArray] = {}
         if self.keeps_drifts:
             drifts = self._drifts(group, energies, samples, wanted, potential_at)
-            found |= {f"invariants.{name}.drift": drifts[:, k] for k, name in enumerate(DRIFTS)}
+            numbers |= {f"invariants.{name}.drift": drifts[:, k] for k, name in enumerate(DRIFTS)}
         if self._keeps_further:
-            found |= self._further_drifts(sign_of_g1, samples, wanted, potential_at)
+            numbers |= self._further_drifts(sign_of_g1, samples, wanted, potential_at)
         none = np.full(len(samples), np.nan)
-        return {name: found.get(name, none) for name in self.names}
+        return {name: numbers.get(name, none) for name in self.names}
 
     def _drifts(
         self,
@@ -106,13 +106,13 @@ class KeptIntegrals:
             for integral in self._further_of(potential_at(n), sign):
                 integrals[n] = integral
         values = further_drifts_of_many(integrals, samples)
-        found: dict[str, FloatArray] = {}
+        columns: dict[str, FloatArray] = {}
         for n, integral in integrals.items():
             if np.isnan(values[n, 1]):
                 values[n] = integral_drift(integral, samples[n])
             for k, name in enumerate((f"invariants.{integral.name}", f"invariants.{integral.name}.drift")):
-                found.setdefault(name, np.full(len(samples), np.nan))[n] = values[n, k]
-        return found
+                columns.setdefault(name, np.full(len(samples), np.nan))[n] = values[n, k]
+        return columns
 
     def _further_of(self, potential: Potential, sign: Sign) -> tuple[FurtherIntegral, ...]:
         known = self._known
@@ -123,7 +123,7 @@ class KeptIntegrals:
 
 
 OUTPUTS = frozenset(name for name in NUMBERS if name.partition(".")[0] in ("stability", "precession"))
-MOST_VERTICAL, MOST_TURNS = 1e-3, 1e4
+LEAST_AXIS_SINE, MOST_TURN_RADIANS = 1e-3, 1e4
 """Sine of the angle between an axis and the vertical, and |ω| times the period: beyond them a job may find
 that the attitude is not resolved, and single jobs decide."""
 
@@ -165,20 +165,20 @@ class OutputsOfGroup:
 
     def of_point(self, n: int, B: Fraction | None) -> dict[str, float] | None:
         """Return the numbers of the group's point n, for a body with this B; None if a job must decide."""
-        found: dict[str, float] = {}
+        outputs: dict[str, float] = {}
         constants, loop = self.group.rows[n], self.loops[n : n + 1]
         if "stability" in self.problem.outputs:
             numbers = self._stability(constants, loop, B)
             if numbers is None:
                 return None
-            found |= numbers
+            outputs |= numbers
         if "orientation" in self.problem.outputs:
             numbers = self._precession(constants, loop)
             if numbers is None:
                 return None
-            found |= numbers
-        errors = {f"{name}.error": value for name, value in found.items() if f"{name}.error" in found}
-        return {**found, **{name: printed_error(value, found[name]) for name, value in errors.items()}}
+            outputs |= numbers
+        errors = {f"{name}.error": value for name, value in outputs.items() if f"{name}.error" in outputs}
+        return {**outputs, **{name: printed_error(value, outputs[name]) for name, value in errors.items()}}
 
     def _stability(self, constants: FloatArray, loop: Records, B: Fraction | None) -> dict[str, float] | None:
         body: RigidBody = self.problem.body
@@ -200,8 +200,8 @@ class OutputsOfGroup:
     def _precession(self, constants: FloatArray, loop: Records) -> dict[str, float] | None:
         run = solve_batch(Batch(self.group.program, constants[None, :], loop, "standard"))
         orbit, about = run.loops[0], run.found[0]
-        is_plain = min(float(orbit["z"]), float(orbit["g"])) >= MOST_VERTICAL
-        if not (about["panels"] and is_plain and about["largest"] * about["period"] <= MOST_TURNS):
+        is_plain = min(float(orbit["z"]), float(orbit["g"])) >= LEAST_AXIS_SINE
+        if not (about["panels"] and is_plain and about["largest"] * about["period"] <= MOST_TURN_RADIANS):
             return None
         one = three = Estimate(0.0, 0.0)
         if orbit["rotates"]:

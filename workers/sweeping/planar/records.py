@@ -14,7 +14,7 @@ from service.dynamics.reduction.windows import NoMotionError
 from service.schemas.sweep.sweep import Sweep
 from workers.sweeping.parameters.coefficients import Coefficients
 from workers.sweeping.parameters.family import Energies, Path, Poles, SweepFamily
-from workers.sweeping.planar.doubles import Swept
+from workers.sweeping.planar.doubles import BlockResult
 
 if TYPE_CHECKING:
     from workers.sweeping.planar.by_roots import RationalFamily
@@ -35,7 +35,7 @@ class Side:
 
 
 @dataclass(frozen=True, slots=True)
-class Quick:
+class CompiledPlan:
     """The data that hold for all points."""
 
     problem: Problem
@@ -44,17 +44,17 @@ class Quick:
     """The base's."""
     paths: tuple[Path, ...]
     """Paths of the numbers in the potential that vary."""
-    places: tuple[int, ...]
+    axes: tuple[int, ...]
     """Indices of their axes, in the same order."""
     coefficients: Coefficients
     """Coefficients that these numbers make, in which the potential is linear."""
-    curve_place: int | None
+    curve_axis: int | None
     """Index of the axis of λ or nu."""
-    start_place: int | None
+    start_axis: int | None
     """Index of the axis of g1 at the start."""
-    moment_place: int | None
+    moment_axis: int | None
     """Index of the axis of B, on which planar motions do not depend."""
-    time_places: Mapping[str, int]
+    time_axes: Mapping[str, int]
     """Indices of the axes of the times, by their names."""
     sides: Mapping[int, Side]
     """The sides by the sign of g1."""
@@ -81,8 +81,8 @@ class SolvedBlock:
     @property
     def is_open(self) -> BoolArray:
         """Tell which are left."""
-        found: BoolArray = ~np.logical_or.reduce([self.solved, *self.refused.values()])
-        return found
+        undecided: BoolArray = ~np.logical_or.reduce([self.solved, *self.refused.values()])
+        return undecided
 
 
 class FoundPoints:
@@ -95,29 +95,29 @@ class FoundPoints:
         self.series = {name: np.full(shape, np.nan) for name in sweep.series_columns}
         self._names = names
 
-    def refuse(self, code: str, places: IntArray) -> None:
+    def refuse(self, code: str, indices: IntArray) -> None:
         """Note that these points end with an error."""
-        if len(places):
-            self.refused.setdefault(code, np.zeros(len(self.solved), dtype=np.bool_))[places] = True
+        if len(indices):
+            self.refused.setdefault(code, np.zeros(len(self.solved), dtype=np.bool_))[indices] = True
 
     def block(self) -> SolvedBlock:
         """Return all of it."""
         return SolvedBlock(self.solved, self.refused, self.numbers, self.series)
 
     def add(
-        self, places: IntArray, solved: BoolArray, numbers: Mapping[str, FloatArray], swept: Swept
+        self, indices: IntArray, solved: BoolArray, numbers: Mapping[str, FloatArray], result: BlockResult
     ) -> None:
         """Fill in the points of a group."""
-        self.solved[places] = solved
+        self.solved[indices] = solved
         numbers = {**numbers, **printed_errors(numbers, self.numbers)}
         for name, column in self.numbers.items():
             if name in numbers:
-                column[places] = numbers[name]
+                column[indices] = numbers[name]
         for k, name in enumerate(self._names):
-            at = COLUMNS.index(name) if swept.samples.shape[2] == len(COLUMNS) else k
-            self.series[name][places] = swept.samples[:, :, at]
+            at = COLUMNS.index(name) if result.samples.shape[2] == len(COLUMNS) else k
+            self.series[name][indices] = result.samples[:, :, at]
         if "t" in self.series:
-            self.series["t"][places] = swept.times
+            self.series["t"][indices] = result.times
 
 
 def printed_errors(numbers: Mapping[str, FloatArray], kept: Container[str]) -> dict[str, FloatArray]:
@@ -131,9 +131,9 @@ def printed_errors(numbers: Mapping[str, FloatArray], kept: Container[str]) -> d
     }
 
 
-def numbers_of_motions(swept: Swept, has_times: bool) -> dict[str, FloatArray]:
+def numbers_of_motions(result: BlockResult, has_times: bool) -> dict[str, FloatArray]:
     """Return period and errors as a job tells them."""
     # Without functions of time a job claims no error of them.
-    error = swept.errors if has_times else np.zeros(len(swept.errors))
-    period_errors = np.nextafter(swept.period_errors, np.inf)
-    return {"period": swept.periods, "period.error": period_errors, "error": error}
+    error = result.errors if has_times else np.zeros(len(result.errors))
+    period_errors = np.nextafter(result.period_errors, np.inf)
+    return {"period": result.periods, "period.error": period_errors, "error": error}

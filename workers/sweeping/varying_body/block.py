@@ -28,7 +28,7 @@ from workers.solvers.compiled.frame import Bodies, loops_of
 from workers.sweeping.parameters.family import rounded
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, curves_of, listed_exactly, times_of
 from workers.sweeping.parameters.programs import nearest_double
-from workers.sweeping.planar.doubles import Sampling, Swept, logarithms_of, sweep_loops
+from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, sweep_loops
 from workers.sweeping.planar.exclusions import keep_their_sign
 from workers.sweeping.planar.records import (
     INADMISSIBLE,
@@ -40,6 +40,7 @@ from workers.sweeping.planar.records import (
 )
 from workers.sweeping.varying_body.empty_sums import have_no_motion
 from workers.sweeping.varying_body.templates import (
+    MOST_TEMPLATES,
     Key,
     Model,
     MomentsOfPoint,
@@ -53,27 +54,26 @@ BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
 
-MOST_BITS = 1000
+MOST_NUMBER_BITS = 1000
 """Largest size of a number in a potential, in bits: what is made of such ones keeps the limits of
 formulas."""
-MOST_TEMPLATES = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Moving:
+class VaryingPlan:
     """The data for solving points whose bodies or exponents differ."""
 
     problem: Problem
     """The first point's."""
     tier: Tier
     model: Model
-    places: tuple[int, ...]
+    axes: tuple[int, ...]
     """Indices of the axes of the model's numbers."""
     moments: Mapping[str, int]
-    """Places of the axes of A, B and C."""
-    curve_place: int | None
-    start_place: int | None
-    time_places: Mapping[str, int]
+    """Indices of the axes of A, B and C."""
+    curve_axis: int | None
+    start_axis: int | None
+    time_axes: Mapping[str, int]
     """Indices of the axes of the times, by their names."""
     motions: Mapping[int, PlanarMotion]
     """The motions by the sign of g1."""
@@ -85,7 +85,7 @@ class Moving:
 class _Point:
     """The numbers that a point states, with its program and its verdict."""
 
-    place: int
+    index: int
     moments: MomentsOfPoint
     numbers: list[fmpq]
     template: Template
@@ -95,12 +95,12 @@ class _Point:
     energy: CurveEnergy
 
 
-class MovingSolver:
+class VaryingSolver:
     """Solves blocks of one sweep."""
 
-    def __init__(self, sweep: Sweep, moving: Moving) -> None:
-        self._sweep, self._moving = sweep, moving
-        problem = moving.problem
+    def __init__(self, sweep: Sweep, plan: VaryingPlan) -> None:
+        self._sweep, self._plan = sweep, plan
+        problem = plan.problem
         self._names = [name for name in sweep.series_columns if name != "t"]
         columns = np.array(list(map(COLUMNS.index, self._names)), dtype=np.int64)
         self._sampling = Sampling(problem.time, columns, problem.wants_series)
@@ -111,39 +111,39 @@ class MovingSolver:
 
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
-        moving = self._moving
+        plan = self._plan
         points = SweptPoints(self._sweep, self._known, np.arange(first, first + count))
-        found = FoundPoints(self._sweep, self._names, count)
-        base = next(iter(moving.motions.items()))
-        squares, signs = curves_of(points, moving.curve_place, *base)
+        results = FoundPoints(self._sweep, self._names, count)
+        base = next(iter(plan.motions.items()))
+        squares, signs = curves_of(points, plan.curve_axis, *base)
         usable = are_numbers(points.doubles.T) & (signs != 0)
-        times = times_of(points, moving.time_places, moving.problem.time)
+        times = times_of(points, plan.time_axes, plan.problem.time)
         usable &= np.array([each is not None for each in times])
-        if moving.start_place is not None:
-            usable &= np.sign(points.doubles[moving.start_place]) == signs
+        if plan.start_axis is not None:
+            usable &= np.sign(points.doubles[plan.start_axis]) == signs
         groups: dict[tuple[int, int], list[_Point]] = {}
         refused: dict[str, list[int]] = {}
-        for place in np.flatnonzero(usable).tolist():
-            stated = self._stated(points, place)
+        for index in np.flatnonzero(usable).tolist():
+            stated = self._stated(points, index)
             if isinstance(stated, str):
-                refused.setdefault(stated, []).append(place)
+                refused.setdefault(stated, []).append(index)
             elif stated is not None:
-                groups.setdefault((id(stated.template), int(signs[place])), []).append(stated)
-        for code, places in refused.items():
-            found.refuse(code, np.array(places, dtype=np.int64))
+                groups.setdefault((id(stated.template), int(signs[index])), []).append(stated)
+        for code, indices in refused.items():
+            results.refuse(code, np.array(indices, dtype=np.int64))
         for (_, sign), members in groups.items():
-            chosen = [squares[each.place] for each in members]
-            own = [each for member in members if (each := times[member.place]) is not None]
-            self._solve_group(found, points, moving.motions[sign], members, chosen, own)
-        return found.block()
+            chosen = [squares[each.index] for each in members]
+            own = [each for member in members if (each := times[member.index]) is not None]
+            self._solve_group(results, points, plan.motions[sign], members, chosen, own)
+        return results.block()
 
-    def _stated(self, points: SweptPoints, place: int) -> "_Point | str | None":
+    def _stated(self, points: SweptPoints, index: int) -> "_Point | str | None":
         """Return a point, or the code of its refusal; None: left to a single job."""
-        moving = self._moving
-        moments = self._moments(points, place)
-        if not self._is_body(moments) or (moving.needs_double and moments.A != 2 * moments.C):
+        plan = self._plan
+        moments = self._moments(points, index)
+        if not self._is_body(moments) or (plan.needs_double and moments.A != 2 * moments.C):
             return INVALID
-        numbers = points.exact_row(place, moving.places)
+        numbers = points.exact_row(index, plan.axes)
         # On a grid neighbours often differ in λ alone.
         key = moments, numbers
         if self._last[0] != key:
@@ -157,14 +157,14 @@ class MovingSolver:
         if any(judgement.energy.is_positive):
             # Where the potential has no value is told by single jobs.
             return None
-        return _Point(place, moments, numbers, template, row, values, judgement, judgement.energy)
+        return _Point(index, moments, numbers, template, row, values, judgement, judgement.energy)
 
-    def _moments(self, points: SweptPoints, place: int) -> MomentsOfPoint:
-        body, axes = self._moving.problem.body, self._moving.moments
-        A = points.exact(axes["A"], place) if "A" in axes else _ratio(body.A)
-        C = points.exact(axes["C"], place) if "C" in axes else _ratio(body.C)
+    def _moments(self, points: SweptPoints, index: int) -> MomentsOfPoint:
+        body, axes = self._plan.problem.body, self._plan.moments
+        A = points.exact(axes["A"], index) if "A" in axes else _ratio(body.A)
+        C = points.exact(axes["C"], index) if "C" in axes else _ratio(body.C)
         if "B" in axes:
-            return MomentsOfPoint(A, points.exact(axes["B"], place), C)
+            return MomentsOfPoint(A, points.exact(axes["B"], index), C)
         return MomentsOfPoint(A, None if body.B is None else _ratio(body.B), C)
 
     def _is_body(self, moments: MomentsOfPoint) -> bool:
@@ -174,21 +174,21 @@ class MovingSolver:
             return False
         if B is None:
             return True
-        return B > 0 and (self._moving.problem.body.allow_unphysical or abs(A - C) <= B <= A + C)
+        return B > 0 and (self._plan.problem.body.allow_unphysical or abs(A - C) <= B <= A + C)
 
     def _judged(
         self, moments: MomentsOfPoint, numbers: list[fmpq]
     ) -> tuple[Template, list[float], list[fmpq], Judgement] | None:
-        values = self._moving.model.values(moments, numbers)
-        if values is None or any(value.height_bits() > MOST_BITS for value in values):
+        values = self._plan.model.values(moments, numbers)
+        if values is None or any(value.height_bits() > MOST_NUMBER_BITS for value in values):
             return None
-        found = self._template(moments, numbers, values)
-        if found is None:
+        entry = self._template(moments, numbers, values)
+        if entry is None:
             return None
-        template, exact, row = found
-        given = [number for number in exact if number is not None]
+        template, exact, row = entry
+        exact_numbers = [number for number in exact if number is not None]
         try:
-            return template, row, values, judge_power_sum(moments.A, moments.C, template.tape, given)
+            return template, row, values, judge_power_sum(moments.A, moments.C, template.tape, exact_numbers)
         except NotAPowerSumError:
             return None
 
@@ -196,7 +196,7 @@ class MovingSolver:
         self, moments: MomentsOfPoint, numbers: list[fmpq], values: list[fmpq]
     ) -> tuple[Template, list[fmpq | None], list[float]] | None:
         """Return the template of a point, its numbers exactly, and rounded."""
-        model = self._moving.model
+        model = self._plan.model
         key = model.key(values)
         if key not in self._templates and len(self._templates) < MOST_TEMPLATES:
             self._templates[key] = shared_template(model, moments, numbers)
@@ -215,31 +215,31 @@ class MovingSolver:
 
     def _solve_group(
         self,
-        found: FoundPoints,
+        results: FoundPoints,
         points: SweptPoints,
         motion: PlanarMotion,
         members: Sequence[_Point],
         squares: Sequence[fmpq],
         times: Sequence[Times],
     ) -> None:
-        moving, places = self._moving, np.array([each.place for each in members], dtype=np.int64)
+        plan, indices = self._plan, np.array([each.index for each in members], dtype=np.int64)
         rows = np.array([each.row for each in members]).reshape(len(members), -1)
         program = members[0].template.program
         loops = loops_of(_bodies(members), motion, logarithms_of(squares))
         if loops is None:
             return
-        at = moving.start_place
-        starts = None if at is None else np.abs(points.doubles[at, places])
-        own = times if moving.time_places else None
-        swept = sweep_loops(motion, program, rows, loops, self._sampling, moving.tier, starts, own)
-        tolerance = moving.problem.tolerance
-        numbers = numbers_of_motions(swept, self._sampling.has_times)
-        decided = np.isfinite(swept.errors) & (swept.errors <= tolerance)
+        at = plan.start_axis
+        starts = None if at is None else np.abs(points.doubles[at, indices])
+        own = times if plan.time_axes else None
+        result = sweep_loops(motion, program, rows, loops, self._sampling, plan.tier, starts, own)
+        tolerance = plan.problem.tolerance
+        numbers = numbers_of_motions(result, self._sampling.has_times)
+        decided = np.isfinite(result.errors) & (result.errors <= tolerance)
         # If only the period is asked for, its own error alone decides whether it is accurate enough.
-        decided &= swept.period_errors <= tolerance * swept.periods
-        decided &= np.isfinite(swept.samples).all(axis=(1, 2))
-        if swept.approaches is not None:
-            decided &= keep_their_sign(program, rows, swept.approaches)
+        decided &= result.period_errors <= tolerance * result.periods
+        decided &= np.isfinite(result.samples).all(axis=(1, 2))
+        if result.approaches is not None:
+            decided &= keep_their_sign(program, rows, result.approaches)
         if self._keeps_energy:
             energies = np.array(
                 [_energy(each, square, motion) for each, square in zip(members, squares, strict=True)]
@@ -247,20 +247,20 @@ class MovingSolver:
             numbers |= {"energy": energies[:, 0], "energy.error": energies[:, 1]}
             for name in self._sweep.keep:
                 decided &= np.isfinite(numbers[name]) if name in ("energy", "energy.error") else True
-        self._keep_smooth(decided, swept, motion, members)
-        found.add(places, decided, numbers, swept)
+        self._keep_smooth(decided, result, motion, members)
+        results.add(indices, decided, numbers, result)
         rest = np.flatnonzero(~decided)
         judged = [(members[n].moments, members[n].judgement) for n in rest.tolist()]
-        found.refuse(NO_MOTION, places[rest[have_no_motion(judged, loops[rest], motion)]])
+        results.refuse(NO_MOTION, indices[rest[have_no_motion(judged, loops[rest], motion)]])
 
     def _keep_smooth(
-        self, decided: BoolArray, swept: Swept, motion: PlanarMotion, members: Sequence[_Point]
+        self, decided: BoolArray, result: BlockResult, motion: PlanarMotion, members: Sequence[_Point]
     ) -> None:
         """Leave motions to single jobs that pass a pole by a convention."""
         with ctx.workprec(REDUCTION_BITS):
-            for n in np.flatnonzero(decided & swept.passes_pole).tolist():
+            for n in np.flatnonzero(decided & result.passes_pole).tolist():
                 each = members[n]
-                potential = self._moving.model.potential(each.moments, each.numbers)
+                potential = self._plan.model.potential(each.moments, each.numbers)
                 decided[n] = make_loop(each.moments.body(), potential, motion).is_smooth_at_poles()
 
 

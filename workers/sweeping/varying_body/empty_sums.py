@@ -25,7 +25,7 @@ from service.dynamics.verdict.proofs.power_sums import Judgement
 from service.dynamics.verdict.proofs.reading_powers import PowerSum, number_of
 from workers.solvers.compiled.records import Records
 from workers.sweeping.parameters.programs import nearest_double
-from workers.sweeping.planar.exclusions import LOGARITHM
+from workers.sweeping.planar.exclusions import LOG_LAMBDA_ERROR
 from workers.sweeping.varying_body.templates import MomentsOfPoint
 
 FloatArray = NDArray[np.float64]
@@ -36,7 +36,7 @@ IntArray = NDArray[np.int64]
 Bounds = tuple[FloatArray, FloatArray]
 
 MOST_TERMS = 64
-SMALLEST = 1e-290
+SMALLEST_SAFE_NUMBER = 1e-290
 """Numbers below it may have lost digits."""
 
 
@@ -71,30 +71,30 @@ def have_no_motion(
         _read(judgement.squared_momentum(), moments, bool(exchanged), motion)
         for (moments, judgement), exchanged in zip(judged, mirrored, strict=True)
     ]
-    found = _stacked(sums)
-    errors = LOGARITHM * (1.0 + np.abs(logarithms))
+    stacked = _stacked(sums)
+    errors = LOG_LAMBDA_ERROR * (1.0 + np.abs(logarithms))
     Z, G = equators(alpha, logarithms - errors, logarithms + errors)
     first, third = _exchanged(G, Z, mirrored), _exchanged(Z, G, mirrored)
     with np.errstate(all="ignore"):
-        scales = _times(_power(_column(first), found.first), _power(_column(third), found.third))
+        scales = _times(_power(_column(first), stacked.first), _power(_column(third), stacked.third))
 
     def signs(cells: Cells) -> IntArray:
         of = cells.owner
         with np.errstate(all="ignore"):
-            powers = _power(_column(sines(cells)), found.sine[of])
+            powers = _power(_column(sines(cells)), stacked.sine[of])
             low, high = heights_of(alpha[of], Z, G, cells)
             size = np.minimum(np.abs(low), np.abs(high)), np.maximum(np.abs(low), np.abs(high))
-            powers = _times(powers, _power(_column(size), found.height[of]))
+            powers = _times(powers, _power(_column(size), stacked.height[of]))
             lo, hi = _times(powers, (scales[0][of], scales[1][of]))
-            factors = found.coefficients[of] * np.where(
-                found.odd[of] > 0.0, np.sign(cells.hemisphere)[:, None], 1.0
+            factors = stacked.coefficients[of] * np.where(
+                stacked.odd[of] > 0.0, np.sign(cells.hemisphere)[:, None], 1.0
             )
             # Of a term that there is not, nothing is known about the powers.
             is_there = factors != 0.0
             low_terms = np.where(is_there, np.where(factors > 0.0, factors * lo, factors * hi), 0.0)
             high_terms = np.where(is_there, np.where(factors > 0.0, factors * hi, factors * lo), 0.0)
             slack = (
-                (16.0 + found.first.shape[1])
+                (16.0 + stacked.first.shape[1])
                 * ARITHMETIC
                 * np.maximum(np.abs(low_terms), np.abs(high_terms)).sum(axis=1)
             )
@@ -135,9 +135,9 @@ def _read(terms: PowerSum, moments: MomentsOfPoint, is_mirrored: bool, motion: P
 def _stacked(sums: Sequence["_Row | None"]) -> _Sums:
     width = max((len(each) for each in sums if each is not None), default=0)
     table = np.zeros((len(sums), max(width, 1), 6))
-    for place, each in enumerate(sums):
+    for index, each in enumerate(sums):
         if each:
-            table[place, : len(each)] = each
+            table[index, : len(each)] = each
     coefficients, first, third, sine, height, odd = np.moveaxis(table, 2, 0)
     return _Sums(coefficients, first, third, sine, height, odd)
 
@@ -147,13 +147,14 @@ def _power(base: Bounds, exponent: FloatArray) -> Bounds:
     low, high = np.power(base[0], exponent), np.power(base[1], exponent)
     low, high = np.where(exponent < 0.0, high, low), np.where(exponent < 0.0, low, high)
     error = np.where(exponent == 0.0, 0.0, FUNCTIONS + np.abs(exponent) * ARITHMETIC * LARGEST_LOGARITHM)
-    return np.where(low > SMALLEST, low * (1.0 - error), 0.0), np.maximum(high * (1.0 + error), SMALLEST)
+    lower = np.where(low > SMALLEST_SAFE_NUMBER, low * (1.0 - error), 0.0)
+    return lower, np.maximum(high * (1.0 + error), SMALLEST_SAFE_NUMBER)
 
 
 def _times(left: Bounds, right: Bounds) -> Bounds:
     """Return bounds of a product of numbers ≥ 0, not rounded outwards but for those that doubles lose."""
     low, high = left[0] * right[0], left[1] * right[1]
-    return np.where(low > SMALLEST, low, 0.0), np.maximum(high, SMALLEST)
+    return np.where(low > SMALLEST_SAFE_NUMBER, low, 0.0), np.maximum(high, SMALLEST_SAFE_NUMBER)
 
 
 def _column(bounds: Bounds) -> Bounds:

@@ -18,15 +18,14 @@ from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
 from workers.sweeping.parameters.coefficients import ExactParts, SplitParameters, parts_of
 from workers.sweeping.parameters.family import Path, degree_in
-from workers.sweeping.varying_body.templates import Key, Model, MomentsOfPoint, kind_of
+from workers.sweeping.varying_body.templates import MOMENTS, Key, Model, MomentsOfPoint, kind_of
 
 _STEP = fmpq(104_729, 611_953)
 """A ratio of primes, far from any number that a formula would fold."""
-_MOMENTS = ("A", "B", "C")
 _ONLY = (fmpq(1),)
 """The coefficients of the first term of either list."""
 _NONE = fmpq(0)
-"""In the place of a moment that nobody asks for."""
+"""Stands for a moment that nobody asks for."""
 
 
 def model_of(document: Mapping[str, object], paths: Sequence[Path], moments: frozenset[str]) -> Model | None:
@@ -102,7 +101,7 @@ class ExpressionModel:
         values = self.values(moments, numbers)
         if values is None:
             return None
-        found, body = list[tuple[list[fmpq], Tape]](), moments.body()
+        probes, body = list[tuple[list[fmpq], Tape]](), moments.body()
         for stretch in (fmpq(1), 1 + _STEP):
             # Not large: some are exponents.
             probe = [
@@ -114,8 +113,8 @@ class ExpressionModel:
             shown: dict[Path, object] = {
                 ("parameters", hole): str(value) for hole, value in zip(self.holes, probe, strict=True)
             }
-            found.append((probe, potential_of(with_values(self.holed, shown), body).tape))
-        return found
+            probes.append((probe, potential_of(with_values(self.holed, shown), body).tape))
+        return probes
 
     def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
         """See Model.potential."""
@@ -136,8 +135,8 @@ class HomogeneousModel:
     def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """See Model.values: coefficients and exponents of each power, then what is beside A g1² + C g3²."""
         lists = {name: list(row) for name, row in self.lists.items()}
-        for (name, place), number in zip(self.paths, numbers, strict=True):
-            lists[name][int(place)] = number
+        for (name, index), number in zip(self.paths, numbers, strict=True):
+            lists[name][int(index)] = number
         alpha = moments.A / moments.C
         sums: dict[tuple[int, int, int, int], list[fmpq]] = {}
         for name, ratio in (("B", alpha), ("C", 1 / alpha)):
@@ -155,15 +154,15 @@ class HomogeneousModel:
                     key = (int(first.p), int(first.q), int(third.p), int(third.q))
                     known = sums.setdefault(key, [fmpq(0), first, third])
                     known[0] += weight * (sign * factor)
-        found = [value for term in sums.values() for value in term]
-        return [*found, moments.A, moments.C, *lists["A"]]
+        coefficients = [value for term in sums.values() for value in term]
+        return [*coefficients, moments.A, moments.C, *lists["A"]]
 
     def key(self, values: Sequence[fmpq]) -> Key:
         """See Model.key: a family writes a sum by signs, and even powers without absolute values."""
         of_terms = len(values) - 2 - len(self.lists["A"])
         even = tuple(
-            int(value.p) if place % 3 and value.q == 1 and int(value.p) % 2 == 0 else None
-            for place, value in enumerate(values[:of_terms])
+            int(value.p) if index % 3 and value.q == 1 and int(value.p) % 2 == 0 else None
+            for index, value in enumerate(values[:of_terms])
         )
         return even, tuple(map(kind_of, values))
 
@@ -172,7 +171,7 @@ class HomogeneousModel:
     ) -> list[tuple[list[fmpq], Tape]] | None:
         """See Model.probes: all numbers a little larger, each by another share."""
         values = self.values(moments, numbers)
-        found: list[tuple[list[fmpq], Tape]] = []
+        probes: list[tuple[list[fmpq], Tape]] = []
         for size in (1, 2):
             shares = [1 + fmpq(size, 1_000_003 + 7919 * k) for k in range(len(numbers) + 2)]
             # What is 0, 1 or -1 stays.
@@ -184,8 +183,8 @@ class HomogeneousModel:
             probe = self.values(near, moved)
             if values is None or probe is None or self.key(probe) != self.key(values):
                 return None
-            found.append((probe, self.potential(near, moved).tape))
-        return found
+            probes.append((probe, self.potential(near, moved).tape))
+        return probes
 
     def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
         """See Model.potential."""
@@ -198,10 +197,10 @@ class HomogeneousModel:
 def _homogeneous(document: Mapping[str, object], paths: Sequence[Path]) -> Model | None:
     lists: dict[str, tuple[fmpq, ...]] = {}
     for name in ("A", "B", "C", "log"):
-        given = document.get(name, [])
-        if not isinstance(given, list):
+        stated = document.get(name, [])
+        if not isinstance(stated, list):
             return None
-        lists[name] = tuple(_ratio(exact_number(value)) for value in given)
+        lists[name] = tuple(_ratio(exact_number(value)) for value in stated)
     if any(lists["log"]):
         return None
     return HomogeneousModel(document, tuple(paths), lists)
@@ -210,23 +209,23 @@ def _homogeneous(document: Mapping[str, object], paths: Sequence[Path]) -> Model
 def _expression(
     document: Mapping[str, object], names: tuple[str, ...], moments: frozenset[str]
 ) -> Model | None:
-    given = document.get("parameters")
-    parameters = dict(given) if isinstance(given, dict) else {}
+    document_parameters = document.get("parameters")
+    parameters = dict(document_parameters) if isinstance(document_parameters, dict) else {}
     varying = {*names, *moments}
     try:
         tree = parse(str(document.get("expression")))
         if not _is_plain(tree, varying):
             return None
-        found = SplitParameters(tuple(varying), {*parameters, *names, *_MOMENTS})
-        holed = format_tree(fold_tree(tree, found.build)[0])
+        split = SplitParameters(tuple(varying), {*parameters, *names, *MOMENTS})
+        holed = format_tree(fold_tree(tree, split.build)[0])
         fixed = {name: _ratio(exact_number(value)) for name, value in parameters.items() if name not in names}
     except (FormulaError, ValueError):
         return None
-    holes = tuple(found.names())
+    holes = tuple(split.names())
     kept = {name: value for name, value in parameters.items() if name not in names}
     holed_document = {**document, "expression": holed, "parameters": {**kept, **dict.fromkeys(holes, 1)}}
-    parts = parts_of(found.parts, (*names, "A", "C", "B"), fixed)
-    needs_moment = any(degree_in(part, {"B"}) for part in found.parts)
+    parts = parts_of(split.parts, (*names, "A", "C", "B"), fixed)
+    needs_moment = any(degree_in(part, {"B"}) for part in split.parts)
     return ExpressionModel(document, names, holed_document, holes, parts, needs_moment)
 
 

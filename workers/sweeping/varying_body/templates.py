@@ -24,6 +24,9 @@ from workers.sweeping.parameters.programs import nearest_double, numbers_of
 
 FloatArray = NDArray[np.float64]
 Key = tuple[object, ...]
+MOMENTS = ("A", "B", "C")
+MOST_TEMPLATES = 64
+"""Structures of a potential that one sweep has templates for; other points are left to single jobs."""
 
 
 class MomentsOfPoint(NamedTuple):
@@ -69,7 +72,7 @@ class Template:
     fixed: tuple[fmpq | None, ...]
     """The same exactly, None for π."""
     varying: Mapping[int, tuple[int, int]]
-    """The others by their places: which value, and its sign."""
+    """The others by their indices: which value, and its sign."""
     exponents: Mapping[int, int]
     """The base of each exponent, by the index of the exponent: two of one base would be one instruction."""
     distinct: tuple[int, int]
@@ -77,10 +80,10 @@ class Template:
 
     def numbers(self, values: Sequence[fmpq]) -> list[fmpq | None]:
         """Return the numbers of the tape at a point, None for π."""
-        found = list(self.fixed)
-        for slot, (place, sign) in self.varying.items():
-            found[slot] = values[place] if sign > 0 else -values[place]
-        return found
+        constants = list(self.fixed)
+        for slot, (index, sign) in self.varying.items():
+            constants[slot] = values[index] if sign > 0 else -values[index]
+        return constants
 
     def row(self, numbers: Sequence[fmpq | None]) -> list[float]:
         """Return the constants of the program at a point, each rounded once."""
@@ -115,10 +118,10 @@ def shared_template(model: Model, moments: MomentsOfPoint, numbers: Sequence[fmp
     for slot, (number, seen) in enumerate(zip(fixed, numbers_of(other), strict=True)):
         if number is None or seen is None or number == _ratio(seen):
             continue
-        found = _source(number, _ratio(seen), values, others)
-        if found is None:
+        source = _source(number, _ratio(seen), values, others)
+        if source is None:
             return None
-        varying[slot] = found
+        varying[slot] = source
     return _template(program, tape, constants, fixed, varying)
 
 
@@ -158,10 +161,10 @@ def _source(
     number: fmpq, seen: fmpq, values: Sequence[fmpq], others: Sequence[fmpq]
 ) -> tuple[int, int] | None:
     """Return the value that a number is, or is the opposite of, at both probes."""
-    for place, (value, other) in enumerate(zip(values, others, strict=True)):
+    for index, (value, other) in enumerate(zip(values, others, strict=True)):
         for sign in (1, -1):
             if number == sign * value and seen == sign * other:
-                return place, sign
+                return index, sign
     return None
 
 

@@ -1,7 +1,6 @@
 """/v1/solutions/{id}/audits: solves the problem of a solution again, and compares the two."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from http import HTTPStatus
@@ -28,7 +27,7 @@ from service.api.verdicts.examiner import Submission
 from service.jobs.records import Job
 from service.jobs.store import Receipt
 from service.schemas.problem.documents import MEMBERS, AuditIn, audited_problem
-from service.schemas.reading.documents import InvalidProblemError
+from service.schemas.reading.documents import Document, InvalidProblemError, Part
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import AuditOut, AuditPageOut
@@ -39,7 +38,7 @@ from service.storage.solutions.standing import standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "the same": {"value": {}},
     "another tier and method": {"value": {"accuracy": {"tier": "high"}, "method": "quadrature"}},
 }
@@ -92,7 +91,7 @@ class _Audited:
 
     id: str
     digest: str
-    problem: Mapping[str, object]
+    problem: Part
     size: int
     """Characters of the document."""
 
@@ -103,7 +102,7 @@ def _read(inside: Resources, solution_id: str) -> _Audited:
     return _Audited(standing.id, standing.digest, problem, len(json.dumps(problem)))
 
 
-def _checked(content: bytes, problem: Mapping[str, object], settings: Settings) -> Submission:
+def _checked(content: bytes, problem: Part, settings: Settings) -> Submission:
     document = read_json(content) if content else {}
     _, faults = read_parts(document, AuditIn, MEMBERS)
     if faults:

@@ -47,7 +47,7 @@ def get_citation(
     """Return how to cite a solution in a paper: what it is, what computed it, whose method it is."""
     media_type = preferred(list(WRITERS), accept) if query.format is None else CITATIONS[query.format]
     standing = inside.reads.get(standing_of, solution_id)
-    told = validator_headers(request, inside, standing)
+    headers = validator_headers(request, inside, standing)
     solution = inside.solutions.get(solution_id)
     provenance = solution.summary["provenance"]
     cited = Cited(
@@ -58,4 +58,4 @@ def get_citation(
         provenance["version"],
         provenance["numerics"],
     )
-    return Response(WRITERS[media_type](cited), media_type=media_type, headers=told)
+    return Response(WRITERS[media_type](cited), media_type=media_type, headers=headers)

@@ -33,7 +33,7 @@ router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 @heavy
 def get_enclosures(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Return the six variables at the exact times that were asked, as decimals with proven radii."""
-    told = validator_headers(request, inside)
+    headers = validator_headers(request, inside)
     stored = decode_arrays(inside.solutions.samples(solution_id))
     names = [name for name in COLUMNS if f"{name}.{RADIUS}" in stored]
     if not names:
@@ -44,7 +44,7 @@ def get_enclosures(request: Request, solution_id: SolutionId, inside: Inside) ->
         columns = {name: _enclosures(stored, name) for name in names}
         times = _enclosures(stored, "t")
     document = EnclosuresOut(t=stored["t"].tolist(), times=times, columns=columns)
-    return json_response(document, headers=told)
+    return json_response(document, headers=headers)
 
 
 def _enclosures(stored: Mapping[str, FloatArray], name: str) -> list[EnclosureOut]:

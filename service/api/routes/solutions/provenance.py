@@ -26,6 +26,6 @@ def get_provenance(request: Request, solution_id: SolutionId, inside: Inside) ->
     the solution; activities are the examination and each attempt; agents are the
     workers, polhode and the libraries with their versions.
     """
-    told = validator_headers(request, inside)
+    headers = validator_headers(request, inside)
     document = provenance_graph(origin_of(inside.database, solution_id))
-    return json_response(document, headers=told)
+    return json_response(document, headers=headers)

@@ -25,7 +25,7 @@ from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
 from service.storage.database.rows import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
-from service.storage.solutions.standing import standing_and_marks
+from service.storage.solutions.standing import standing_and_annotation
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 by_problem = APIRouter(prefix="/v1/problems", tags=["solutions"])
@@ -113,15 +113,15 @@ def _page(request: Request, listing: Listing, inside: Resources) -> Response:
 )
 def get_solution(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
     """Show a solution without its arrays."""
-    standing, marks = inside.reads.get(standing_and_marks, solution_id)
-    told = validator_headers(request, inside, (standing, marks))
+    standing, annotation = inside.reads.get(standing_and_annotation, solution_id)
+    headers = validator_headers(request, inside, (standing, annotation))
 
     def content() -> bytes:
-        # With the marks that are in the tag: they may have changed since.
-        solution = replace(inside.solutions.get(solution_id), marks=marks)
+        # With the annotation that are in the tag: they may have changed since.
+        solution = replace(inside.solutions.get(solution_id), annotation=annotation)
         return json_content(solution_out(solution))
 
-    return Response(inside.answers.get_or_make(told["ETag"], content), media_type=JSON, headers=told)
+    return Response(inside.answers.get_or_make(headers["ETag"], content), media_type=JSON, headers=headers)
 
 
 def _filters(query: SolutionsQuery) -> Iterator[Condition]:

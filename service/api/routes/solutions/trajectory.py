@@ -46,7 +46,7 @@ from service.dynamics.solution.dense_output import DenseOutput
 from service.dynamics.solution.preview import deviation, preview_times
 from service.jobs.records import SolutionNotFoundError
 from service.schemas.problem.trusted import outputs_of, times_of
-from service.schemas.reading.documents import Fault
+from service.schemas.reading.documents import Document, Fault
 from service.schemas.reading.numbers import LATEST, MAX_SAMPLES, read_time
 from service.schemas.replies.solution import MotionFunctionOut, TrajectoryOut
 from service.settings import Settings
@@ -83,7 +83,7 @@ class TrajectoryQuery(QueryModel):
         ge=2,
         le=MOST_PREVIEWED,
         description="So many times at which the columns are drawn best, closer together where they are bent;"
-        f" over those of the problem, or from start to stop. {DEVIATION_HEADER} tells how far the drawn lines"
+        f" over those of the problem, or from start to stop. {DEVIATION_HEADER} says how far the drawn lines"
         " are off at most, as a share of a column's range.",
     )
     columns: str | None = Field(default=None, description="Names with commas between, such as t,g1,g3.")
@@ -156,7 +156,7 @@ def get_function(request: Request, solution_id: SolutionId, inside: Inside) -> R
     return write_function(dense, told)
 
 
-def _about(solution: Solution) -> dict[str, object]:
+def _about(solution: Solution) -> Document:
     """Return what a file says of the solution that it is from."""
     return {
         "solution": solution.id,
@@ -209,7 +209,7 @@ def _remade(inside: Resources, solution_id: str) -> _Samples:
 
 
 def _evaluated(dense: DenseOutput, times: SampleTimes) -> _Samples:
-    columns = {"t": times.doubles, **trajectory_columns(dense, times.doubles, times.rests)}
+    columns = {"t": times.doubles, **trajectory_columns(dense, times.doubles, times.low_parts)}
     errors = trajectory_errors(dense, times.doubles)
     error = max((errors[name] for name in COLUMNS if name in errors), default=0.0)
     return _Samples(columns, error, errors, "evaluated")

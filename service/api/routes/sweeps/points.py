@@ -48,7 +48,7 @@ from service.api.replies.errors import ApiError, invalid_request
 from service.api.replies.responses import PiecedAnswer, SweepId, refusals
 from service.api.tagged import validator_headers
 from service.jobs.records import SweepRecord
-from service.schemas.reading.documents import Fault
+from service.schemas.reading.documents import Document, Fault
 from service.schemas.replies.sweep import GridOut, PointPageOut
 from service.schemas.sweep.sweep import Sweep, SweepAxis, trusted_sweep
 from service.storage.sweeps.point_query import PointQuery
@@ -243,7 +243,7 @@ def get_grid(
     return Response(_WRITERS[media_type](sweep, wish, grid), media_type=media_type, headers=headers)
 
 
-def _about(sweep: Sweep, wish: GridWish, grid: PointGrid) -> dict[str, object]:
+def _about(sweep: Sweep, wish: GridWish, grid: PointGrid) -> Document:
     """Return everything but the cells."""
     free = [axis for k, axis in enumerate(sweep.axes) if k not in wish.at]
     chosen = [(sweep.axes[k], index) for k, index in sorted(wish.at.items())]

@@ -23,8 +23,8 @@ from service.jobs.keys import ApiKey
 from service.jobs.records import Job, JobState, SweepRecord
 from service.jobs.store import GivenKey
 from service.schemas.query.conditions import in_state
-from service.schemas.reading.documents import Fault, Part
-from service.schemas.reading.marks import split_marks
+from service.schemas.reading.annotation import split_annotation
+from service.schemas.reading.documents import Document, Fault, Part
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
@@ -35,7 +35,7 @@ from service.storage.searching.sources import OF_SWEEP_ROWS, chunks_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
 
-EXAMPLES: dict[str, object] = {
+EXAMPLES: Document = {
     "grid": {
         "value": {
             "base": {
@@ -86,7 +86,7 @@ async def submit_sweep(
     """Check a sweep and queue its first points; the others follow as those are done.
 
     The base must be a problem with the first value of each axis. Whether a
-    point has a motion is told by the point.
+    point has a motion is known when the point is computed.
     """
     given = read_key(idempotency_key, request, content, holder)
 
@@ -117,7 +117,7 @@ def _submit(
     check_priority(holder, priority, "/priority")
     inside.limits.reserve_points(holder, sweep.points)
     # Labels can be changed later; the document cannot.
-    stored, marks = split_marks(document)
+    stored, annotation = split_annotation(document)
     record = inside.sweeps.submit(
         stored,
         points=sweep.points,
@@ -125,9 +125,9 @@ def _submit(
         priority=priority,
         key_id=None if holder is None else holder.id,
         receipt=receipt_of(given, _submitted),
-        marks=marks,
+        annotation=annotation,
     )
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     return _submitted(record)
 
 
@@ -171,7 +171,7 @@ def cancel_sweep(sweep_id: SweepId, inside: Inside, holder: Holder) -> Response:
     """
     check_owner(holder, inside.sweeps.get(sweep_id).key_id)
     record = inside.sweeps.cancel(sweep_id)
-    inside.doorbell.ring()
+    inside.wake_up.notify()
     return json_response(sweep_out(record))
 
 

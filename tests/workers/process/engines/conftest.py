@@ -2,24 +2,14 @@
 
 import pytest
 
-from service.storage.database.migration import migrate
 from tests.support.databases import copy_of
 from tests.workers.process.engines.installation import installed
 
-ENGINES = ["local on sqlite", "local on postgres", "procrastinate on postgres"]
-
-
-@pytest.fixture(scope="session")
-def procrastinate_template(postgres):
-    template = postgres.create_database()
-    migrate(postgres.url(template), engine_name="procrastinate")
-    return template
+ENGINES = ["local on sqlite", "local on postgres", "postgres on postgres"]
 
 
 @pytest.fixture(scope="module", params=ENGINES)
-def installation(
-    request, postgres, postgres_template, procrastinate_template, sqlite_template, tmp_path_factory
-):
+def installation(request, postgres, postgres_template, sqlite_template, tmp_path_factory):
     """A database that no other module uses, and an engine."""
     engine, _, kind = request.param.split()
     folder = tmp_path_factory.mktemp("installation")
@@ -27,9 +17,7 @@ def installation(
         with installed(copy_of(sqlite_template, folder), engine, folder) as made:
             yield made
         return
-    name = postgres.create_database(
-        procrastinate_template if engine == "procrastinate" else postgres_template
-    )
+    name = postgres.create_database(postgres_template)
     with installed(postgres.url(name), engine, folder) as made:
         yield made
     postgres.drop_database(name)
@@ -47,7 +35,7 @@ def log(tmp_path):
 
 @pytest.fixture
 def submit(installation, log):
-    """Submit chores, each of which is like no other, and ring."""
+    """Submit chores, each of which is like no other, and notify."""
     numbers = iter(range(10**6))
 
     def submit(*, priority=0, **chore):
@@ -55,7 +43,7 @@ def submit(installation, log):
         job = installation.jobs.submit(
             {"log": str(log), "number": number, **chore}, number[-60:], priority=priority
         )
-        installation.bell.ring()
+        installation.wake_up.notify()
         return job
 
     return submit

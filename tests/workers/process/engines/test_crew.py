@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from service.jobs.records import AttemptOutcome, JobState
+from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.jobs.table_dispatcher import TableDispatcher
 from tests.workers.processes import network_apart, wait_until
 
 JOB_SECONDS = 4.0
@@ -50,7 +50,7 @@ def test_every_job_is_run_once_whoever_gets_it(installation, crew, jobs, submit,
     wait_until(several_have_worked)
     assert {tuple(outcomes(jobs, job)) for job in submitted} == {(AttemptOutcome.SUCCEEDED,)}
     assert len(runs(log)) == len(submitted)
-    apart = installation.engine == "procrastinate" and network_apart()
+    apart = installation.engine == "postgres" and network_apart()
     assert len({network_of(worker.process.pid) for worker in crew}) == (len(crew) if apart else 1)
 
 
@@ -58,19 +58,19 @@ def network_of(process):
     return Path(f"/proc/{process}/ns/net").readlink()
 
 
-def test_five_deliveries_of_a_job_run_it_once(installation, jobs, submit, log):
+def test_a_job_that_is_announced_five_times_is_run_once(installation, jobs, submit, log):
     job = submit(chore="sleep", seconds=0.2)
     for _ in range(4):
-        installation.deliver_again(job.id)
+        installation.announce_again()
     after = submit()
     assert finished(jobs, job).state is finished(jobs, after).state is JobState.SUCCEEDED
     assert (jobs.get(job.id).attempt, len(runs(log))) == (1, 2)
 
 
-def test_a_lost_delivery_is_repaired(installation, jobs):
-    # Queued by somebody who delivers to nobody.
-    silent = SqlJobStore(installation.database, TableDispatcher())
-    job = silent.submit({}, "lost delivery")
+def test_a_job_that_nobody_announced_is_found_by_polling(installation, jobs):
+    database = Database(installation.url)
+    job = SqlJobStore(database).submit({}, "not announced")
+    database.close()
     assert (finished(jobs, job).state, jobs.get(job.id).attempt) == (JobState.SUCCEEDED, 1)
 
 
@@ -105,11 +105,6 @@ def test_a_running_job_is_cancelled(installation, jobs, submit, log):
     job = submit(chore="spin")
     (child,) = wait_until(lambda: runs(log))
     assert jobs.cancel(job.id).state is JobState.CANCELLED
-    installation.bell.ring()
+    installation.wake_up.notify()
     wait_until(lambda: not os.path.exists(f"/proc/{child}"))  # noqa: PTH110
     assert outcomes(jobs, job) == [AttemptOutcome.CANCELLED]
-
-
-def test_a_delivery_is_used_up(installation, jobs, submit):
-    finished(jobs, submit())
-    wait_until(lambda: installation.count("procrastinate_jobs") == 0)

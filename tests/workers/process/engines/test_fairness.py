@@ -12,8 +12,8 @@ from tests.workers.processes import wait_until
 ALICE, BOB = new_id(), new_id()
 
 
-def taken(jobs, count, owed=()):
-    return jobs.take("worker", count, lease_seconds=60.0, owed=owed).claims
+def taken(jobs, count, starved=()):
+    return jobs.take("worker", count, lease_seconds=60.0, starved=starved).claims
 
 
 @pytest.fixture
@@ -29,7 +29,6 @@ def cancelled(installation):
             installation.jobs.cancel(job_id)
         else:
             installation.sweeps.cancel(sweep_id)
-    installation.jobs.repair()
 
 
 def many(jobs, count, **options):
@@ -50,45 +49,35 @@ def test_keys_take_turns_and_lanes_have_their_order(installation, jobs):
 
 
 @pytest.mark.usefixtures("cancelled")
-def test_a_claim_uses_up_the_delivery_of_its_own_job(installation, jobs):
-    number = 5 if installation.engine == "procrastinate" else 0
+def test_single_problems_are_taken_before_older_ones_of_lists(jobs):
     ids = many(jobs, 3, key_id=ALICE, lane=Lane.LIST) + many(jobs, 2, key_id=BOB)
-    assert installation.count("procrastinate_jobs") == number
     for k in range(5):
-        # What was delivered last is taken first.
         (claim,) = taken(jobs, 1)
         assert claim.job_id == [*ids[3:], *ids[:3]][k]
-        assert installation.count("procrastinate_jobs") == max(number - k - 1, 0)
-        assert jobs.repair() == 0
 
 
 @pytest.mark.usefixtures("cancelled")
-def test_problems_that_are_taken_together_use_up_their_own_deliveries(installation, jobs):
+def test_problems_are_taken_together_and_the_others_stay_in_order(jobs):
     ids = many(jobs, 5, lane=Lane.LIST)
     claims = jobs.take("worker", 1, lease_seconds=60.0, together=3).claims
     assert [claim.job_id for claim in claims] == ids[:3]
-    assert installation.count("procrastinate_jobs") == (2 if installation.engine == "procrastinate" else 0)
-    assert jobs.repair() == 0
     assert [claim.job_id for claim in taken(jobs, 5)] == ids[3:]
 
 
 @pytest.mark.usefixtures("cancelled")
-def test_equal_problems_that_are_not_taken_together_keep_their_deliveries(installation, jobs):
+def test_equal_problems_are_not_taken_together_and_stay_queued(jobs):
     ids = [job.id for job in jobs.submit_many([({}, "equal")] * 3, lane=Lane.LIST)]
     claims = jobs.take("worker", 1, lease_seconds=60.0, together=3).claims
     assert [claim.job_id for claim in claims] == ids[:1]
-    assert installation.count("procrastinate_jobs") == (2 if installation.engine == "procrastinate" else 0)
-    assert jobs.repair() == 0
+    assert [claim.job_id for claim in taken(jobs, 5)] == ids[1:]
 
 
 @pytest.mark.usefixtures("cancelled")
-def test_deliveries_of_jobs_that_were_cancelled_are_removed(installation, jobs):
+def test_cancelled_jobs_are_not_taken(installation, jobs):
     first, *others = many(jobs, 4)
     for job_id in others:
         jobs.cancel(job_id)
-    installation.deliver_again(first)
-    assert jobs.repair() == 0
-    assert installation.count("procrastinate_jobs") == (installation.engine == "procrastinate")
+    installation.announce_again()
     assert [claim.job_id for claim in taken(jobs, 5)] == [first]
 
 
@@ -97,7 +86,7 @@ def test_a_single_job_waits_for_the_chunk_that_runs_and_for_no_other(installatio
     """However many chunks are queued: some fifteen here, each of which takes a while."""
     document = {"axes": [], "seconds": 1.0, "pause": 0.1}
     sweep = installation.sweeps.submit(document, points=10_000, most=1)
-    installation.bell.ring()
+    installation.wake_up.notify()
     worker = installation.start_worker(lease_seconds=30.0)
     in_queue = select(func.count()).where(JobRow.sweep_id == sweep.id, JobRow.state == "queued")
     wait_until(lambda: value(installation, in_queue) >= 15)

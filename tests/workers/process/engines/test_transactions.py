@@ -1,45 +1,91 @@
-"""A job and its delivery are one: both happen, or neither."""
+"""A job and its announcement are one: both happen, or neither; and what is queued is taken once, in order."""
 
-import time
-from concurrent.futures import ThreadPoolExecutor
+import select
 
 import pytest
 from sqlalchemy import inspect, text
 
-from service.storage.jobs.job_store import SqlJobStore
+from service.jobs.records import JobState
+from service.storage.database.migration import migrate
+from service.storage.jobs import job_store
+from service.storage.jobs.queue import announce
 from tests.support.finishing import finish_success
 from tests.support.waiting import wait_until
+from tests.workers.processes import PATIENCE
+from workers.process.notifications import Notifications
 
-TABLES = ("jobs", "attempts", "solutions", "dense_outputs", "samples", "procrastinate_jobs")
+TABLES = ("jobs", "attempts", "solutions", "dense_outputs", "samples")
 
 
 class RefusalError(Exception):
     pass
 
 
-def test_a_submission_that_is_rolled_back_leaves_nothing(installation):
-    class FallsAfterwards(type(installation.dispatcher)):
-        def dispatch(self, connection, deliveries):
-            super().dispatch(connection, deliveries)
-            raise RefusalError
-
-    store = SqlJobStore(installation.database, FallsAfterwards())
+def test_a_submission_that_is_rolled_back_leaves_nothing(installation, jobs, monkeypatch):
+    monkeypatch.setattr(job_store, "announce", refuse_after_announcing)
     with pytest.raises(RefusalError):
-        store.submit_many([({"n": n}, f"rolled back {n}") for n in range(3)])
+        jobs.submit_many([({"n": n}, f"rolled back {n}") for n in range(3)])
     assert [installation.count(table) for table in TABLES] == [0] * len(TABLES)
+
+
+@pytest.mark.parametrize("installation", ["local on postgres", "postgres on postgres"], indirect=True)
+def test_jobs_are_announced_when_they_are_committed_and_only_with_that_engine(
+    installation, jobs, monkeypatch
+):
+    notifications = Notifications(installation.database.engine)
+    notifications.listen()
+    with monkeypatch.context() as patch:
+        patch.setattr(job_store, "announce", refuse_after_announcing)
+        with pytest.raises(RefusalError):
+            jobs.submit({}, "rolled back")
+    assert not can_be_read(notifications, seconds=0.0)
+    ids = [job.id for job in jobs.submit_many([({"n": n}, f"announced {n}") for n in range(3)])]
+    is_announced = installation.engine == "postgres"
+    assert can_be_read(notifications, seconds=PATIENCE if is_announced else 0.0) == is_announced
+    notifications.clear()
+    assert not can_be_read(notifications, seconds=0.0)
+    notifications.close()
+    for job_id in ids:
+        jobs.cancel(job_id)
+
+
+def can_be_read(notifications, *, seconds):
+    return bool(select.select([notifications.fileno()], [], [], seconds)[0])
+
+
+def refuse_after_announcing(database, connection):
+    announce(database, connection)
+    raise RefusalError
+
+
+@pytest.mark.parametrize("installation", ["postgres on postgres"], indirect=True)
+def test_jobs_of_an_installation_that_used_procrastinate_are_taken_over(installation, jobs):
+    """The table has all jobs, whatever was beside it; and the former name of the engine is accepted."""
+    waiting = jobs.submit({}, "queued by procrastinate")
+    with installation.database.write() as session:
+        columns = "id bigserial, queue_name text, status text, queueing_lock text"
+        session.execute(text(f"CREATE TABLE procrastinate_jobs ({columns})"))
+        row = f"'polhode', 'todo', '{waiting.id}#0'"
+        names = "queue_name, status, queueing_lock"
+        session.execute(text(f"INSERT INTO procrastinate_jobs ({names}) VALUES ({row})"))
+    migrate(installation.url)
+    worker = installation.start_worker(engine="procrastinate")
+    wait_until(lambda: jobs.get(waiting.id).is_finished)
+    worker.terminate()
+    assert (jobs.get(waiting.id).state, jobs.get(waiting.id).attempt) == (JobState.SUCCEEDED, 1)
+    with installation.database.write() as session:
+        session.execute(text("DROP TABLE procrastinate_jobs"))
 
 
 def test_the_queue_is_in_order_and_each_job_is_taken_once(installation, jobs):
     submitted = {p: jobs.submit({"p": p}, f"order {p}", priority=p).id for p in (0, -3, 7, 2)}
     twins = [job.id for job in jobs.submit_many([({"n": n}, f"twin {n}") for n in range(2)], priority=2)]
-    for job_id in (submitted[7], submitted[7], submitted[-3]):
-        installation.deliver_again(job_id)
+    installation.announce_again()
     order = [submitted[7], submitted[2], *twins, submitted[0], submitted[-3]]
     first = [claim.job_id for claim in jobs.take("first", 2, lease_seconds=60).claims]
     rest = []
     while claims := jobs.take("second", 3, lease_seconds=60).claims:
         rest += [claim.job_id for claim in claims]
-    # A delivery too many may leave a place free, and changes no order.
     assert first + rest == order
     for job_id in order:
         jobs.cancel(job_id)
@@ -67,58 +113,7 @@ def test_a_lost_job_is_not_taken_before_its_pause_is_over(installation, jobs):
     for _ in range(2):  # after the first loss there is no pause
         (claim,) = jobs.take("worker", 1, lease_seconds=60).claims
         assert jobs.lose(claim, "died", max_attempts=3, retry_seconds=1000.0)
-    installation.deliver_again(job.id)
     assert jobs.take("worker", 1, lease_seconds=60).claims == ()
-    assert jobs.repair() == 0
-    jobs.cancel(job.id)
-
-
-def test_only_what_is_due_and_not_delivered_is_repaired(installation, jobs):
-    submitted = [job.id for job in jobs.submit_many([({"n": n}, f"repair {n}") for n in range(3)])]
-    assert jobs.repair() == 0
-    installation.lose_deliveries()
-    needed = 3 if installation.engine == "procrastinate" else 0
-    assert [jobs.repair(), jobs.repair()] == [needed, 0]
-    claims = jobs.take("worker", 5, lease_seconds=60).claims
-    assert [claim.job_id for claim in claims] == submitted
-    assert jobs.repair() == 0
-    for job_id in submitted:
-        jobs.cancel(job_id)
-
-
-@pytest.mark.parametrize("installation", ["procrastinate on postgres"], indirect=True)
-def test_a_delivery_that_is_removed_meanwhile_keeps_nobody_from_the_job(installation, jobs):
-    """Somebody removes it and has not committed yet: who takes the job waits for that, and has it."""
-    job = jobs.submit({}, "removed meanwhile")
-    with ThreadPoolExecutor(1) as other:
-        with installation.database.write() as session:
-            session.execute(text("DELETE FROM procrastinate_jobs"))
-            taken = other.submit(jobs.take, "taker", 1, lease_seconds=60)
-            assert wait_until(lambda: waiting_for_locks(installation) == 1)
-        (claim,) = taken.result(timeout=60).claims
-    assert claim.job_id == job.id
-    jobs.cancel(job.id)
-
-
-def waiting_for_locks(installation):
-    statement = "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database()"
-    statement += " AND wait_event_type = 'Lock'"
-    with installation.database.read() as session:
-        return session.scalars(text(statement)).one()
-
-
-def test_two_that_repair_at_once_deliver_once(installation, jobs):
-    job = jobs.submit({}, "repaired twice")
-    installation.lose_deliveries()
-    with ThreadPoolExecutor(1) as pool:
-        with installation.database.write_rows() as connection:
-            first = installation.dispatcher.repair(connection)
-            second = pool.submit(jobs.repair)
-            # By now it has seen the loss, and waits for the end of this transaction.
-            time.sleep(0.3)
-        assert second.result(timeout=30) == 0
-    assert first == (installation.engine == "procrastinate")
-    assert [claim.job_id for claim in jobs.take("worker", 5, lease_seconds=60).claims] == [job.id]
     jobs.cancel(job.id)
 
 

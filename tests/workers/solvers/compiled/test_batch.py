@@ -10,11 +10,11 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.sampling import SampleTimes
 from tests.support.planar import body, formula
 from workers.solvers.compiled.batch import Batch, solve_batch
-from workers.solvers.compiled.desk import BOARD, MOMENTS, PLACES
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.motion import Bounds
 from workers.solvers.compiled.records import ARC, CUT, FOUND, LOOP, PANEL
+from workers.solvers.compiled.workspace import DISC_WORKSPACE, MOMENTS, PLACES
 
 TIMES = np.linspace(-3.0, 8.0, 57)
 LOGARITHMS = [-0.4, -0.1, 0.0, 0.3]
@@ -74,7 +74,9 @@ def test_bounds_are_added_up():
     assert Bounds(1.0, 2.0, 3.0, 5.0, 7.0).error_at(0.0, 1.0, 0.0) == pytest.approx(24.0)
 
 
-@pytest.mark.parametrize("layout", [ARC, BOARD, CUT, FOUND, LOOP, MOMENTS, PANEL, PLACES], ids=lambda _: "")
+@pytest.mark.parametrize(
+    "layout", [ARC, DISC_WORKSPACE, CUT, FOUND, LOOP, MOMENTS, PANEL, PLACES], ids=lambda _: ""
+)
 def test_numbers_of_a_record_are_reached_by_their_names(layout):
     """numpy's own attributes go first: a number of their name would be another one in Python."""
     assert set(layout.names).isdisjoint(dir(np.void))

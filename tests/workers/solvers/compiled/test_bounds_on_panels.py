@@ -9,13 +9,13 @@ import pytest
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
-from workers.solvers.compiled.desk import BOARD, DESK
-from workers.solvers.compiled.discs.on_loop import derivatives_on_board, put_disc, put_pole
+from workers.solvers.compiled.discs.on_loop import derivatives_on_discs, put_disc, put_pole
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.records import new_records
 from workers.solvers.compiled.solve_set import equator_of, new_formula
 from workers.solvers.compiled.windows.scan import scan_half
+from workers.solvers.compiled.workspace import DISC_WORKSPACE, WORKSPACE
 
 FORMULAS = [
     "-g1",
@@ -100,12 +100,12 @@ def test_discs_hold_what_the_formula_is_in_the_complex_plane(rigid_body, text):
     centres = draws.uniform(0.03, np.pi - 0.03, 30)
     radii = draws.choice([0.0, 1e-8, 1e-3, 0.02, 0.1, 0.3], 30) * np.minimum(centres, np.pi - centres)
     half = float(draws.choice([-1.0, 1.0])) if "abs(g3)" in text else 1.0
-    board, worked = new_records(BOARD)[0], new_formula(program.code, program.result, constants)
+    discs, worked = new_records(DISC_WORKSPACE)[0], new_formula(program.code, program.result, constants)
     for m in range(30):
-        put_disc(board, m, half * np.sin(centres[m]), np.cos(centres[m]), radii[m])
+        put_disc(discs, m, half * np.sin(centres[m]), np.cos(centres[m]), radii[m])
     for k, side in enumerate((1.0, -1.0)):
-        put_pole(board, 30 + k, 0.06, side, half)
-    row = derivatives_on_board(worked, loop, board, 32)
+        put_pole(discs, 30 + k, 0.06, side, half)
+    row = derivatives_on_discs(worked, loop, discs, 32)
     c, r, e = worked.centres, worked.radii, worked.powers
     known = 0
     for m in range(32):
@@ -130,7 +130,7 @@ def scanned(rigid_body, text, log_lambda=0.0):
     loop = loop_of(rigid_body, log_lambda)
     program, constants = make_program(formula(text, rigid_body).tape)
     worked, zeros = new_formula(program.code, program.result, constants), np.empty(16)
-    count, *ends = scan_half(worked, loop, 1.0, zeros, new_records(DESK)[0])
+    count, *ends = scan_half(worked, loop, 1.0, zeros, new_records(WORKSPACE)[0])
     sine, cosine = 1.0 / np.cosh(zeros[: max(count, 0)]), -np.tanh(zeros[: max(count, 0)])
     height = cosine * np.sqrt(loop.z**2 + loop.g**2 * (1.0 + sine * sine))
     return count, ends, height

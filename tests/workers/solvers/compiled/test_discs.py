@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from workers.solvers.compiled.desk import LANES
 from workers.solvers.compiled.discs import derivatives
 from workers.solvers.compiled.discs.arithmetic import (
     FIRST_FREE,
@@ -16,6 +15,7 @@ from workers.solvers.compiled.discs.arithmetic import (
     raise_to,
     scale_power,
 )
+from workers.solvers.compiled.workspace import LANES
 
 ONE, OTHER, RESULT, RISE = (FIRST_FREE + k for k in range(4))
 UNIT = np.exp(2j * np.pi * np.arange(12) / 12)

@@ -10,7 +10,6 @@ from flint import arb, ctx
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from tests.support.planar import body, formula
 from workers.solvers.choose import enclose
-from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.doubled import curve, derivative, harmonics, time_map
 from workers.solvers.compiled.doubled.arithmetic import doubled
 from workers.solvers.compiled.evaluation.program import make_program, rest_of, rests_of
@@ -18,6 +17,7 @@ from workers.solvers.compiled.motion import Bounds
 from workers.solvers.compiled.records import new_records
 from workers.solvers.compiled.solve import KEPT, is_kept, solve_spectral
 from workers.solvers.compiled.solve_set import new_formula
+from workers.solvers.compiled.workspace import WORKSPACE
 
 LIBRATION = "(A*g1^2+C*g3^2)*(g2^2-1/2+g2^3/5)"
 LAMBDA = PlanarMotion(Fraction(4, 5), start=StartAtRest(-1))
@@ -117,16 +117,16 @@ def test_ends_are_zeros_to_twice_the_digits(case):
     program, constants = make_program(potential.tape)
     made = new_formula(program.code, program.result, constants)
     made = made._replace(lows=rests_of(potential.tape, constants))
-    sheet = np.empty((curve.ROWS, harmonics.TOGETHER + 16))
+    pairs = np.empty((curve.ROWS, harmonics.TOGETHER + 16))
     middle = np.arctan2(loop.s_middle, loop.c_middle)
-    places = new_records(DESK)[0].places
+    places = new_records(WORKSPACE)[0].places
     around = curve.curve_of(loop)
     low, high, off = curve.ends_of(
-        made, loop, around, middle - loop.half_width, middle + loop.half_width, sheet, places
+        made, loop, around, middle - loop.half_width, middle + loop.half_width, pairs, places
     )
     # Its claim, of Newton's step and of roundings, is as small as the kernel demands.
     assert off <= 2.0 * curve.STEEP * (high[0] - low[0])
-    again = curve.ends_of(made, loop, around, low[0], high[0], sheet, places)
+    again = curve.ends_of(made, loop, around, low[0], high[0], pairs, places)
     for one, other in ((low, again[0]), (high, again[1])):
         assert abs((one[0] - other[0]) + (one[1] - other[1])) <= off + again[2]
 

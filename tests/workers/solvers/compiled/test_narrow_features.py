@@ -7,12 +7,12 @@ import pytest
 
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
-from workers.solvers.compiled.desk import PLACES
 from workers.solvers.compiled.evaluation.curve import place, radicands
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.records import new_records
 from workers.solvers.compiled.solve import solve_spectral
 from workers.solvers.compiled.solve_set import new_formula
+from workers.solvers.compiled.workspace import PLACES
 
 DOUBLE = body(2, 1)
 ONE = PlanarMotion(Fraction(1))

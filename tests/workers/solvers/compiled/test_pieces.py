@@ -6,10 +6,10 @@ import pytest
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
 from workers.solvers.assembly.dense import FIRST_PIECES, MAX_RELATIVE_FINENESS, resolve_motion
-from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.records import new_records
 from workers.solvers.compiled.solve import solve_spectral
 from workers.solvers.compiled.time_map.pieces import NODES, resolve_one
+from workers.solvers.compiled.workspace import WORKSPACE
 
 BODY = body(2, 1)
 
@@ -60,7 +60,7 @@ def test_a_draft_of_few_pieces_departs_no_more_than_it_says():
 def test_more_pieces_than_there_is_room_for_are_left_to_others(most):
     found = motion()
     done, _, _ = resolve_one(
-        found.loops, found.panels, found.period.hi, 8, 1e-14, MAX_RELATIVE_FINENESS, new_records(DESK),
+        found.loops, found.panels, found.period.hi, 8, 1e-14, MAX_RELATIVE_FINENESS, new_records(WORKSPACE),
         np.empty(most), np.empty((most, NODES, 6)),
     )  # fmt: skip
     assert done == 0

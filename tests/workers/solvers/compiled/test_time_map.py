@@ -8,7 +8,6 @@ import pytest
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
 from workers.solvers.compiled.batch import TOLERANCES, Batch, solve_batch
-from workers.solvers.compiled.desk import DESK
 from workers.solvers.compiled.evaluation.curve import place, rates
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
@@ -20,6 +19,7 @@ from workers.solvers.compiled.time_map.proved import build_time_map
 from workers.solvers.compiled.time_map.sampling import extent
 from workers.solvers.compiled.time_map.series import POINTS, at, distance, slope_at, time_at
 from workers.solvers.compiled.time_map.truncation import DEGREE, seen_between
+from workers.solvers.compiled.workspace import WORKSPACE
 
 DOUBLE = body(2, 1)
 chebyshev = np.polynomial.chebyshev
@@ -68,24 +68,24 @@ def test_panels_join(solved):
 
 def test_what_is_said_of_the_map_is_found_again(solved):
     run, worked = solved
-    panels, desk = new_records(PANEL, MAX_PANELS), new_records(DESK)[0]
-    number, _ = build_time_map(worked, run.loops[0], TOLERANCES["standard"], panels, desk)
+    panels, workspace = new_records(PANEL, MAX_PANELS), new_records(WORKSPACE)[0]
+    number, _ = build_time_map(worked, run.loops[0], TOLERANCES["standard"], panels, workspace)
     assert number == len(run.panels)
     astray = np.empty(number)
-    error, rate_error = map_error(worked, run.loops[0], panels, number, desk.places, astray)
+    error, rate_error = map_error(worked, run.loops[0], panels, number, workspace.places, astray)
     add_roundings(panels, number, astray)
     found = run.found[0]
     assert (found.rate_error, found.period_error) == (
         rate_error,
         error * (1.0 if run.loops[0].rotates else 2.0),
     )
-    said = extent(run.loops[0], panels, number, desk.moments, astray)
+    said = extent(run.loops[0], panels, number, workspace.moments, astray)
     assert (found.speed, found.largest, found.moved) == said
 
 
 def test_what_times_are_worth_is_a_product_at_a_place(solved):
     run, _ = solved
-    panels, number, moments = run.panels, len(run.panels), new_records(DESK)[0].moments
+    panels, number, moments = run.panels, len(run.panels), new_records(WORKSPACE)[0].moments
     speed, _, all_alike = extent(run.loops[0], panels, number, moments, np.full(number, 0.5))
     # Where all panels are off by as much, the place of the largest speed decides.
     assert all_alike == 0.5 * speed
@@ -99,11 +99,11 @@ def test_what_times_are_worth_is_a_product_at_a_place(solved):
 @pytest.mark.parametrize("tier", ["draft", "standard"])
 def test_series_depart_by_no_more_than_what_is_said(solved, tier):
     run, worked = solved
-    panels, desk = new_records(PANEL, MAX_PANELS), new_records(DESK)[0]
+    panels, workspace = new_records(PANEL, MAX_PANELS), new_records(WORKSPACE)[0]
     loop = run.loops[0]
-    number, _ = build_time_map(worked, loop, TOLERANCES[tier], panels, desk)
-    _, rate_error = map_error(worked, loop, panels, number, desk.places, np.empty(number))
-    places = desk.places
+    number, _ = build_time_map(worked, loop, TOLERANCES[tier], panels, workspace)
+    _, rate_error = map_error(worked, loop, panels, number, workspace.places, np.empty(number))
+    places = workspace.places
     for panel in panels[:number]:
         # Next to a rest the formula's own rounding grows, and what is said of p and r is said of the panel.
         first, last = (

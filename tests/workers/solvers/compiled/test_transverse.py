@@ -9,7 +9,6 @@ from flint import arb, arb_series, ctx
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
 from workers.solvers.compiled.batch import Batch, solve_batch
-from workers.solvers.compiled.desk import DESK, PLACES
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
@@ -21,6 +20,7 @@ from workers.solvers.compiled.transverse.jets import WIDTH, D, E, V, Y, evaluate
 from workers.solvers.compiled.transverse.parts import doubt_of_ends
 from workers.solvers.compiled.transverse.steps import cross
 from workers.solvers.compiled.transverse.turn import ERROR, turn
+from workers.solvers.compiled.workspace import PLACES, WORKSPACE
 
 UNIT = 2.0**-53
 
@@ -104,8 +104,10 @@ def test_gravity_has_the_coefficient_of_lames_equation():
     assert np.all(np.abs(c - expected) <= errors + 4 * UNIT)
     assert doubt_of_ends(made, run.loops[0], places, run.panels, len(run.panels)) == 0.0
     out = np.empty(8)
-    desk = new_records(DESK)
-    assert turn(program.code, program.result, constants, run.loops, run.panels, run.found, desk, moments, out)
+    workspace = new_records(WORKSPACE)
+    assert turn(
+        program.code, program.result, constants, run.loops, run.panels, run.found, workspace, moments, out
+    )
     assert abs(np.linalg.det(out[:4].reshape(2, 2)) - 1.0) <= out[ERROR] <= 1e-10
     advance, error = advance_of(copied(run.loops))
     # Golden number of ν = 1.

@@ -53,8 +53,8 @@ def test_samples_have_the_bits_of_the_function_of_time():
     found = verified(TEXTS[0])
     dense = DenseOutput(COLUMNS, found.breaks, found.coefficients, None, found.error)
     assert np.array_equal(samples_of(found, TIMES, None), dense(TIMES))
-    rests = np.full(len(TIMES), 1e-17)
-    assert np.array_equal(samples_of(found, TIMES, rests), dense(TIMES, rests))
+    low_parts = np.full(len(TIMES), 1e-17)
+    assert np.array_equal(samples_of(found, TIMES, low_parts), dense(TIMES, low_parts))
 
 
 @pytest.mark.parametrize("text", TEXTS)

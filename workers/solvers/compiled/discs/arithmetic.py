@@ -12,9 +12,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import LANES
 from workers.solvers.compiled.evaluation.interpreter import power
 from workers.solvers.compiled.kernels import inlined, kernel
+from workers.solvers.compiled.workspace import LANES
 
 FloatArray = NDArray[np.float64]
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import LANES
 from workers.solvers.compiled.discs.arithmetic import (
     FIRST_FREE,
     POWERS,
@@ -18,6 +17,7 @@ from workers.solvers.compiled.discs.arithmetic import (
 )
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula
+from workers.solvers.compiled.workspace import LANES
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -2,64 +2,64 @@
 
 import math
 
-from workers.solvers.compiled.desk import Board
 from workers.solvers.compiled.discs.arithmetic import FUNCTIONS, SCALE
 from workers.solvers.compiled.discs.derivatives import G as FIRST_ROW
 from workers.solvers.compiled.discs.derivatives import disc_derivative
 from workers.solvers.compiled.evaluation.interpreter import power
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop
+from workers.solvers.compiled.workspace import DiscWorkspace
 
 OWN = 2.0**-47
 """Relative error of Z and G, which are solved for in doubles."""
 
 
 @kernel
-def put_disc(board: Board, lane: int, sine: float, cosine: float, radius: float) -> None:
-    """Put the disc of this radius around the v that has this sine and cosine on the board."""
+def put_disc(discs: DiscWorkspace, lane: int, sine: float, cosine: float, radius: float) -> None:
+    """Put in the disc of this radius around the v that has this sine and cosine."""
     even, odd = 2.0 * math.sinh(0.5 * radius) ** 2, math.sinh(radius)
     s, c = abs(sine), abs(cosine)
-    board.s_centre[lane], board.c_centre[lane] = s, cosine
-    board.s_radius[lane] = (s * even + c * odd) * (1.0 + FUNCTIONS) + FUNCTIONS * s
-    board.c_radius[lane] = (c * even + s * odd) * (1.0 + FUNCTIONS) + FUNCTIONS
+    discs.s_centre[lane], discs.c_centre[lane] = s, cosine
+    discs.s_radius[lane] = (s * even + c * odd) * (1.0 + FUNCTIONS) + FUNCTIONS * s
+    discs.c_radius[lane] = (c * even + s * odd) * (1.0 + FUNCTIONS) + FUNCTIONS
     # 2 cos² v = 1 + cos 2v
     even, odd = 4.0 * even + 2.0 * even * even, 2.0 * odd * (1.0 + even)
-    board.t_radius[lane] = (abs(0.5 - s * s) * even + s * c * odd) * (1.0 + FUNCTIONS) + FUNCTIONS
-    board.sign[lane] = -1.0 if sine < 0.0 else 1.0
+    discs.t_radius[lane] = (abs(0.5 - s * s) * even + s * c * odd) * (1.0 + FUNCTIONS) + FUNCTIONS
+    discs.sign[lane] = -1.0 if sine < 0.0 else 1.0
 
 
 @kernel
-def put_pole(board: Board, lane: int, sine: float, hemisphere: float, half: float) -> None:
-    """Put the real v with 0 < |sin v| ≤ ``sine`` on the board, on one hemisphere and half of the loop."""
+def put_pole(discs: DiscWorkspace, lane: int, sine: float, hemisphere: float, half: float) -> None:
+    """Put in the disc of the real v with 0 < |sin v| ≤ ``sine``, on one hemisphere and half of the loop."""
     least = math.sqrt((1.0 - sine) * (1.0 + sine)) * (1.0 - FUNCTIONS)
-    board.s_centre[lane] = board.s_radius[lane] = 0.5 * sine
-    board.c_centre[lane], board.c_radius[lane] = hemisphere * 0.5 * (1.0 + least), 0.5 * (1.0 - least)
+    discs.s_centre[lane] = discs.s_radius[lane] = 0.5 * sine
+    discs.c_centre[lane], discs.c_radius[lane] = hemisphere * 0.5 * (1.0 + least), 0.5 * (1.0 - least)
     # Of the disc around a quarter of the square of the sine.
-    board.t_radius[lane] = 0.75 * sine * sine * (1.0 + FUNCTIONS)
-    board.sign[lane] = half
+    discs.t_radius[lane] = 0.75 * sine * sine * (1.0 + FUNCTIONS)
+    discs.sign[lane] = half
 
 
 @kernel
-def derivatives_on_board(
+def derivatives_on_discs(
     formula: Formula,
     loop: Loop,
-    board: Board,
+    discs: DiscWorkspace,
     count: int,
 ) -> int:
-    """Return the row of D on the board's places, which is beside a power of s = |sin v|; fill in c²."""
+    """Return the row of D on the discs, which is beside a power of s = |sin v|; fill in c²."""
     c, r, e = formula.centres, formula.radii, formula.powers
     alpha, size, z, sign = loop.alpha, loop.g, loop.z, loop.sign1
     first, third = (FIRST_ROW + 4, FIRST_ROW) if loop.mirrored else (FIRST_ROW, FIRST_ROW + 4)
     second = FIRST_ROW + 2
     for m in range(count):
-        s, sr, k, kr = board.s_centre[m], board.s_radius[m], board.c_centre[m], board.c_radius[m]
+        s, sr, k, kr = discs.s_centre[m], discs.s_radius[m], discs.c_centre[m], discs.c_radius[m]
         c[SCALE, m], r[SCALE, m] = s, sr
         c[first, m], r[first, m] = sign * size, size * OWN
-        c[third, m], r[third, m] = board.sign[m] * z, z * OWN
-        ratio, ratio_r = _equator_ratio(alpha, s, sr, board.t_radius[m])
+        c[third, m], r[third, m] = discs.sign[m] * z, z * OWN
+        ratio, ratio_r = _equator_ratio(alpha, s, sr, discs.t_radius[m])
         square = z * z + size * size * ratio
         square_r = size * size * ratio_r + 4.0 * OWN * square
-        board.square[m], board.square_radius[m] = square, square_r
+        discs.square[m], discs.square_radius[m] = square, square_r
         root = math.sqrt(square)
         # √ of a disc: the nearest point to 0 moves most.
         root_r = root - math.sqrt(square - square_r) + FUNCTIONS * root if square > square_r else math.nan

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import Places
 from workers.solvers.compiled.doubled.arithmetic import (
     Twice,
     add,
@@ -23,6 +22,7 @@ from workers.solvers.compiled.doubled.derivative import SLOPE, SLOPE_LOW, deriva
 from workers.solvers.compiled.evaluation.interpreter import derivative_with_bound
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop
+from workers.solvers.compiled.workspace import Places
 
 FloatArray = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ STEEP = 2.0**-78
 """Error of an end that may be left open, relative to the distance of both ends."""
 
 ANGLE, RADICAND, SQUARE, G1, COSINE, SLOPED, BELOW = 0, 2, 4, 6, 12, 14, 16
-"""Rows of a sheet of places, each followed by its rest: v, P, g2², g1, g2, g3, cos v, and P as a quotient.
+"""Rows of double-doubles, each followed by its low part: v, P, g2², g1, g2, g3, cos v, and P as a quotient.
 P is a double alone where nobody asks for more."""
 ROWS = 18
 
@@ -67,11 +67,11 @@ def curve_of(loop: Loop) -> DoubledCurve:
 
 @kernel
 def quotients_doubled(
-    formula: Formula, loop: Loop, curve: DoubledCurve, sheet: FloatArray, count: int
+    formula: Formula, loop: Loop, curve: DoubledCurve, pairs: FloatArray, count: int
 ) -> None:
     """Fill in what P is the quotient of, and what that is made of, at places of which v is known."""
     for m in range(count):
-        sine, cosine = sine_and_cosine((sheet[ANGLE, m], sheet[ANGLE + 1, m]))
+        sine, cosine = sine_and_cosine((pairs[ANGLE, m], pairs[ANGLE + 1, m]))
         size = sine if sine[0] > 0.0 else (-sine[0], -sine[1])
         if curve.alpha[0] == 2.0 and curve.alpha[1] == 0.0:
             first = multiply(curve.g, multiply(size, size))
@@ -82,42 +82,42 @@ def quotients_doubled(
         second = root(square)
         if cosine[0] < 0.0:
             second = (-second[0], -second[1])
-        sheet[SQUARE, m], sheet[SQUARE + 1, m] = square
-        sheet[COSINE, m], sheet[COSINE + 1, m] = cosine
+        pairs[SQUARE, m], pairs[SQUARE + 1, m] = square
+        pairs[COSINE, m], pairs[COSINE + 1, m] = cosine
         first = scale(first, loop.sign1)
         one, other = (third, first) if loop.mirrored else (first, third)
-        sheet[G1, m], sheet[G1 + 1, m] = one
-        sheet[G1 + 2, m], sheet[G1 + 3, m] = second
-        sheet[G1 + 4, m], sheet[G1 + 5, m] = other
-    row = derivative_doubled(formula, sheet[G1:], count)
+        pairs[G1, m], pairs[G1 + 1, m] = one
+        pairs[G1 + 2, m], pairs[G1 + 3, m] = second
+        pairs[G1 + 4, m], pairs[G1 + 5, m] = other
+    row = derivative_doubled(formula, pairs[G1:], count)
     slope, low = formula.registers[SLOPE], formula.registers[SLOPE_LOW]
     for m in range(count):
-        one, other = (sheet[G1, m], sheet[G1 + 1, m]), (sheet[G1 + 4, m], sheet[G1 + 5, m])
+        one, other = (pairs[G1, m], pairs[G1 + 1, m]), (pairs[G1 + 4, m], pairs[G1 + 5, m])
         up, down = (one, other) if loop.mirrored else (other, one)
         value = multiply(curve.factor, multiply(up, (slope[row, m], low[row, m])))
         sign = -1.0 if loop.mirrored else 1.0
-        sheet[SLOPED, m], sheet[SLOPED + 1, m] = sign * value[0], sign * value[1]
-        sheet[BELOW, m], sheet[BELOW + 1, m] = down
-        sheet[RADICAND, m], sheet[RADICAND + 1, m] = sign * value[0] / down[0], 0.0
+        pairs[SLOPED, m], pairs[SLOPED + 1, m] = sign * value[0], sign * value[1]
+        pairs[BELOW, m], pairs[BELOW + 1, m] = down
+        pairs[RADICAND, m], pairs[RADICAND + 1, m] = sign * value[0] / down[0], 0.0
 
 
 @kernel
 def radicands_doubled(
-    formula: Formula, loop: Loop, curve: DoubledCurve, sheet: FloatArray, count: int
+    formula: Formula, loop: Loop, curve: DoubledCurve, pairs: FloatArray, count: int
 ) -> None:
     """Fill in P as well."""
-    quotients_doubled(formula, loop, curve, sheet, count)
+    quotients_doubled(formula, loop, curve, pairs, count)
     for m in range(count):
-        sloped, below = (sheet[SLOPED, m], sheet[SLOPED + 1, m]), (sheet[BELOW, m], sheet[BELOW + 1, m])
-        sheet[RADICAND, m], sheet[RADICAND + 1, m] = divide(sloped, below)
+        sloped, below = (pairs[SLOPED, m], pairs[SLOPED + 1, m]), (pairs[BELOW, m], pairs[BELOW + 1, m])
+        pairs[RADICAND, m], pairs[RADICAND + 1, m] = divide(sloped, below)
 
 
 @kernel
-def roundings_of(formula: Formula, loop: Loop, sheet: FloatArray, count: int, places: Places) -> None:
-    """Fill in a bound of the rounding of P on the sheet: that of doubles at the same places, made finer."""
-    D, ulps = derivative_with_bound(formula, sheet[G1], sheet[G1 + 2], sheet[G1 + 4], count)
+def roundings_of(formula: Formula, loop: Loop, pairs: FloatArray, count: int, places: Places) -> None:
+    """Fill in a bound of the rounding of P: that of doubles at the same places, made finer."""
+    D, ulps = derivative_with_bound(formula, pairs[G1], pairs[G1 + 2], pairs[G1 + 4], count)
     for m in range(count):
-        factor, cosine = sheet[G1 + 4, m] / sheet[G1, m], sheet[COSINE, m]
+        factor, cosine = pairs[G1 + 4, m] / pairs[G1, m], pairs[COSINE, m]
         factor = loop.factor * abs(1.0 / factor if loop.mirrored else factor)
         # g2 is a difference, off by so much of its square.
         away = abs(D[m]) * (6.0 + 1.0 / (cosine * cosine))
@@ -131,7 +131,7 @@ def ends_of(
     curve: DoubledCurve,
     lower: float,
     upper: float,
-    sheet: FloatArray,
+    pairs: FloatArray,
     places: Places,
 ) -> tuple[Twice, Twice, float]:
     """Return both ends of a libration by a step of Newton's from doubles, and a bound of what they are off.
@@ -140,30 +140,30 @@ def ends_of(
     """
     away = FROM_END * (upper - lower)
     ends = ((lower, 0.0), (upper, 0.0))
-    sheet[ANGLE + 1, :6] = 0.0
+    pairs[ANGLE + 1, :6] = 0.0
     for k in range(3):
-        sheet[ANGLE, k] = lower + (k - 1) * away
-        sheet[ANGLE, 3 + k] = upper + (k - 1) * away
-    radicands_doubled(formula, loop, curve, sheet, 6)
+        pairs[ANGLE, k] = lower + (k - 1) * away
+        pairs[ANGLE, 3 + k] = upper + (k - 1) * away
+    radicands_doubled(formula, loop, curve, pairs, 6)
     found = ends
     rises = np.empty(2)
     for k in range(2):
-        rise = (sheet[RADICAND, 3 * k + 2] - sheet[RADICAND, 3 * k]) / (
-            sheet[ANGLE, 3 * k + 2] - sheet[ANGLE, 3 * k]
+        rise = (pairs[RADICAND, 3 * k + 2] - pairs[RADICAND, 3 * k]) / (
+            pairs[ANGLE, 3 * k + 2] - pairs[ANGLE, 3 * k]
         )
         rises[k] = rise
-        miss = (sheet[RADICAND, 3 * k + 1], sheet[RADICAND + 1, 3 * k + 1])
+        miss = (pairs[RADICAND, 3 * k + 1], pairs[RADICAND + 1, 3 * k + 1])
         step = divide(miss, (rise, 0.0))
-        at = subtract((sheet[ANGLE, 3 * k + 1], 0.0), step)
+        at = subtract((pairs[ANGLE, 3 * k + 1], 0.0), step)
         found = (at, found[1]) if k == 0 else (found[0], at)
     for k in range(2):
         at = found[0] if k == 0 else found[1]
-        sheet[ANGLE, k], sheet[ANGLE + 1, k] = at
-    radicands_doubled(formula, loop, curve, sheet, 2)
+        pairs[ANGLE, k], pairs[ANGLE + 1, k] = at
+    radicands_doubled(formula, loop, curve, pairs, 2)
     left = np.empty(2)
     for k in range(2):
-        left[k] = abs(sheet[RADICAND, k])
-    roundings_of(formula, loop, sheet, 2, places)
+        left[k] = abs(pairs[RADICAND, k])
+    roundings_of(formula, loop, pairs, 2, places)
     off = 0.0
     for k in range(2):
         off = max(off, (left[k] + places.bound[k]) / abs(rises[k]))

@@ -13,7 +13,6 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import Places
 from workers.solvers.compiled.doubled.arithmetic import (
     Twice,
     add,
@@ -39,6 +38,7 @@ from workers.solvers.compiled.doubled.curve import (
 )
 from workers.solvers.compiled.kernels import fused, kernel
 from workers.solvers.compiled.records import Formula, Loop
+from workers.solvers.compiled.workspace import Places
 
 FloatArray = NDArray[np.float64]
 
@@ -73,21 +73,21 @@ def rates_doubled(
     loop: Loop,
     curve: DoubledCurve,
     ends: tuple[Twice, Twice],
-    sheet: FloatArray,
+    pairs: FloatArray,
     count: int,
     rates: FloatArray,
 ) -> None:
     """Fill in dt/du, a column and its rest, at places whose v is known."""
     numerator = multiply((math.pi, REST_OF_PI), curve.z)
-    quotients_doubled(formula, loop, curve, sheet, count)
+    quotients_doubled(formula, loop, curve, pairs, count)
     for m in range(count):
-        at = (sheet[ANGLE, m], sheet[ANGLE + 1, m])
-        cosine = (sheet[COSINE, m], sheet[COSINE + 1, m])
+        at = (pairs[ANGLE, m], pairs[ANGLE + 1, m])
+        cosine = (pairs[COSINE, m], pairs[COSINE + 1, m])
         both = multiply(subtract(at, ends[0]), subtract(ends[1], at))
         # 1/c² = cos² v/g2²: of all quotients there is one left.
-        above = multiply(multiply(both, multiply(cosine, cosine)), (sheet[BELOW, m], sheet[BELOW + 1, m]))
-        square = (sheet[SQUARE, m], sheet[SQUARE + 1, m])
-        below = multiply((sheet[SLOPED, m], sheet[SLOPED + 1, m]), square)
+        above = multiply(multiply(both, multiply(cosine, cosine)), (pairs[BELOW, m], pairs[BELOW + 1, m]))
+        square = (pairs[SQUARE, m], pairs[SQUARE + 1, m])
+        below = multiply((pairs[SLOPED, m], pairs[SLOPED + 1, m]), square)
         rates[m, 0], rates[m, 1] = multiply(numerator, root(divide(above, below)))
 
 
@@ -97,31 +97,31 @@ def _errors_of(
     loop: Loop,
     ends: tuple[Twice, Twice],
     off: float,
-    sheet: FloatArray,
+    pairs: FloatArray,
     count: int,
     places: Places,
     rates: FloatArray,
 ) -> float:
     """Return the sum of the errors of rates, by roundings and by what the ends are off."""
-    roundings_of(formula, loop, sheet, count, places)
+    roundings_of(formula, loop, pairs, count, places)
     errors = 0.0
     for m in range(count):
-        near, far = sheet[ANGLE, m] - ends[0][0], ends[1][0] - sheet[ANGLE, m]
-        relative = places.bound[m] / abs(sheet[RADICAND, m]) + 2.0 * off * (1.0 / near + 1.0 / far)
+        near, far = pairs[ANGLE, m] - ends[0][0], ends[1][0] - pairs[ANGLE, m]
+        relative = places.bound[m] / abs(pairs[RADICAND, m]) + 2.0 * off * (1.0 / near + 1.0 / far)
         errors += rates[m, 0] * (0.5 * relative + 2.0**-98)
     return errors
 
 
 @kernel
-def _put_angles(ends: tuple[Twice, Twice], number: int, first: int, count: int, sheet: FloatArray) -> None:
-    """Put v = m − h cos θ on the sheet, θ = (j + ½)π/n from j = ``first``."""
+def _put_angles(ends: tuple[Twice, Twice], number: int, first: int, count: int, pairs: FloatArray) -> None:
+    """Put v = m − h cos θ into the workspace, θ = (j + ½)π/n from j = ``first``."""
     middle, half = add(ends[0], ends[1]), subtract(ends[1], ends[0])
     middle, half = (0.5 * middle[0], 0.5 * middle[1]), (0.5 * half[0], 0.5 * half[1])
     for m in range(count):
         t = (2 * (first + m) + 1) * (MOST // number)
         cosine = (COSINES[t, 0], COSINES[t, 1])
         at = subtract(middle, multiply(half, cosine))
-        sheet[ANGLE, m], sheet[ANGLE + 1, m] = at
+        pairs[ANGLE, m], pairs[ANGLE + 1, m] = at
 
 
 @kernel
@@ -199,7 +199,7 @@ def find_harmonics(
     curve: DoubledCurve,
     ends: tuple[Twice, Twice],
     off: float,
-    sheet: FloatArray,
+    pairs: FloatArray,
     places: Places,
     series: FloatArray,
     times: FloatArray,
@@ -214,10 +214,10 @@ def find_harmonics(
         errors, total = 0.0, (0.0, 0.0)
         for first in range(0, number, TOGETHER):
             count = min(TOGETHER, number - first)
-            _put_angles(ends, number, first, count, sheet)
+            _put_angles(ends, number, first, count, pairs)
             here = rates[first : first + count]
-            rates_doubled(formula, loop, curve, ends, sheet, count, here)
-            errors += _errors_of(formula, loop, ends, off, sheet, count, places, here)
+            rates_doubled(formula, loop, curve, ends, pairs, count, here)
+            errors += _errors_of(formula, loop, ends, off, pairs, count, places, here)
         for j in range(number):
             total = add(total, (rates[j, 0], rates[j, 1]))
         mean = divide(total, (float(number), 0.0))

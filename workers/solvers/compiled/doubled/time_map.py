@@ -5,7 +5,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import Desk
 from workers.solvers.compiled.doubled.arithmetic import Twice, add, scale, sine_and_cosine, subtract
 from workers.solvers.compiled.doubled.curve import ANGLE, ROWS, DoubledCurve, curve_of, ends_of
 from workers.solvers.compiled.doubled.harmonics import (
@@ -25,6 +24,7 @@ from workers.solvers.compiled.time_map.panels import build_panels
 from workers.solvers.compiled.time_map.sampling import extent
 from workers.solvers.compiled.time_map.series import at, distance, larger, time_at
 from workers.solvers.compiled.windows.arcs import POINT
+from workers.solvers.compiled.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
 
@@ -42,7 +42,7 @@ MIDDLE = 2.0**-80
 
 @kernel
 def map_time_doubled(
-    formula: Formula, loop: Loop, tolerance: float, panels: Records, desk: Desk, found: Found
+    formula: Formula, loop: Loop, tolerance: float, panels: Records, workspace: Workspace, found: Found
 ) -> None:
     """Build the time map, set period and origin, and say what is known.
 
@@ -51,18 +51,18 @@ def map_time_doubled(
     """
     if loop.rotates or not is_of_low_degree(formula):
         return
-    sheet = np.empty((ROWS, TOGETHER + 16))
+    pairs = np.empty((ROWS, TOGETHER + 16))
     curve = curve_of(loop)
     middle = math.atan2(loop.s_middle, loop.c_middle)
     lower, upper = middle - loop.half_width, middle + loop.half_width
-    low_end, high_end, off = ends_of(formula, loop, curve, lower, upper, sheet, desk.places)
+    low_end, high_end, off = ends_of(formula, loop, curve, lower, upper, pairs, workspace.places)
     if not off < math.inf:
         return
     ends = (low_end, high_end)
     _set_ends(loop, curve, ends)
     series, times = np.empty(MOST), np.empty((2, MOST))
     length, mean, error, left = find_harmonics(
-        formula, loop, curve, ends, off, sheet, desk.places, series, times
+        formula, loop, curve, ends, off, pairs, workspace.places, series, times
     )
     if length == 0:
         return
@@ -78,7 +78,7 @@ def map_time_doubled(
         series[:length],
     )
     squares = np.empty((0, 1))
-    number, total = build_panels(known, loop, tolerance, panels, desk, 0, panels[:0], squares)
+    number, total = build_panels(known, loop, tolerance, panels, workspace, 0, panels[:0], squares)
     if number == 0:
         return
     loop.period_hi, loop.period_lo = 2.0 * mean[0], 2.0 * mean[1]
@@ -95,7 +95,7 @@ def map_time_doubled(
         loop.origin, loop.origin_lo = time_of(times, length, mean, loop.start)
     loop.backwards = loop.sense < 0.0
     found.rate_error = worst
-    found.speed, found.largest, found.moved = extent(loop, panels, number, desk.moments, astray)
+    found.speed, found.largest, found.moved = extent(loop, panels, number, workspace.moments, astray)
     found.period, found.period_error = loop.period_hi, 2.0 * error
     found.time_error = left
     if is_between:
@@ -193,7 +193,7 @@ def _worst_seen(
     number: int,
 ) -> float:
     """Return what is to be counted of the largest departure of the series from the rate of the formula."""
-    sheet, rates = np.empty((ROWS, TOGETHER + 16)), np.empty((TOGETHER, 2))
+    pairs, rates = np.empty((ROWS, TOGETHER + 16)), np.empty((TOGETHER, 2))
     worst = 0.0
     for begin in range(0, number, TOGETHER):
         count = min(TOGETHER, number - begin)
@@ -203,8 +203,8 @@ def _worst_seen(
             below, above, _, _, _ = place(loop, panel.anchor, distance(panel, x))
             is_low = below < above
             v = add(ends[0], (below, 0.0)) if is_low else subtract(ends[1], (above, 0.0))
-            sheet[ANGLE, m], sheet[ANGLE + 1, m] = v
-        rates_doubled(formula, loop, curve, ends, sheet, count, rates)
+            pairs[ANGLE, m], pairs[ANGLE + 1, m] = v
+        rates_doubled(formula, loop, curve, ends, pairs, count, rates)
         for m in range(count):
             panel = panels[begin + m]
             _, slope = at(panel, _x_of(panel, begin + m))

@@ -11,10 +11,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import Moments, Places
 from workers.solvers.compiled.evaluation.interpreter import derivative, derivative_with_bound
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Formula, Loop
+from workers.solvers.compiled.workspace import Moments, Places
 
 FloatArray = NDArray[np.float64]
 

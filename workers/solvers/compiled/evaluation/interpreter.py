@@ -10,9 +10,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import POINTS
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula
+from workers.solvers.compiled.workspace import POINTS
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import POINTS, Places
 from workers.solvers.compiled.evaluation.curve import place, radicands_with_bounds
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Formula, Loop, Panel, Records
 from workers.solvers.compiled.time_map.series import distance, larger, slope_at
+from workers.solvers.compiled.workspace import POINTS, Places
 
 FloatArray = NDArray[np.float64]
 

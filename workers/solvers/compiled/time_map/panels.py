@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.blocks import two_sum
-from workers.solvers.compiled.desk import Desk, Places
 from workers.solvers.compiled.evaluation.curve import place, rates
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import MAX_PANELS, NODES, Cut, Formula, Loop, Panel, Records
 from workers.solvers.compiled.time_map.series import POINTS, at, distance, last_coefficients
+from workers.solvers.compiled.workspace import Places, Workspace
 
 FloatArray = NDArray[np.float64]
 
@@ -179,7 +179,7 @@ def build_panels(
     loop: Loop,
     tolerance: float,
     panels: Records,
-    desk: Desk,
+    workspace: Workspace,
     forced: int,
     kept: Records,
     squares: FloatArray,
@@ -188,7 +188,7 @@ def build_panels(
 
     The ``kept`` panels were built before. ``proved`` is NaN for the others.
     """
-    waiting = desk.waiting
+    waiting = workspace.waiting
     scratch = np.empty((3, NODES + 2))
     values, series = np.empty(NODES), np.empty(NODES + 2)
     pending = _first_panels(loop.rotates, waiting)
@@ -201,7 +201,7 @@ def build_panels(
         panel = panels[number]
         _copy(waiting[pending], panel)
         half = 0.5 * (panel.high - panel.low)
-        if place_among(desk.coarse, forced, panel) >= 0:
+        if place_among(workspace.coarse, forced, panel) >= 0:
             if number + pending + 2 > MAX_PANELS or half <= NARROWEST:
                 return 0, math.nan
             _split(panel, math.inf, waiting, pending)
@@ -215,7 +215,7 @@ def build_panels(
             left_out += rest
             number += 1
             continue
-        _rates_at_nodes(formula, loop, panel, desk.places, values)
+        _rates_at_nodes(formula, loop, panel, workspace.places, values)
         series[:] = 0.0
         for j in range(NODES):
             for k in range(NODES):

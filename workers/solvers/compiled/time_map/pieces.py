@@ -76,7 +76,7 @@ def resolve_one(
     pieces: int,
     atol: float,
     finest: float,
-    desks: Records,
+    workspaces: Records,
     rights: FloatArray,
     coefficients: FloatArray,
 ) -> tuple[int, float, int]:
@@ -86,7 +86,7 @@ def resolve_one(
     the number of pieces, 0 if there would be more than these or a value is not finite, the largest departure
     seen between nodes, and the number of states.
     """
-    loop, moments, most = loops[0], desks[0].moments, len(rights)
+    loop, moments, most = loops[0], workspaces[0].moments, len(rights)
     waiting, following = np.empty((most, 2)), np.empty((most, 2))
     for k in range(pieces):
         waiting[k, 0], waiting[k, 1] = last * k / pieces, last * (k + 1) / pieces

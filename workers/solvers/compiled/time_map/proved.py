@@ -5,13 +5,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import Desk
 from workers.solvers.compiled.evaluation.low_degree import is_of_low_degree
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import MAX_PANELS, NODES, Formula, Loop, Panel, Records
 from workers.solvers.compiled.time_map.panels import build_panels
 from workers.solvers.compiled.time_map.truncation import PANELS as TOGETHER
 from workers.solvers.compiled.time_map.truncation import WORST, bound_left_out, seen_between
+from workers.solvers.compiled.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ SLACK, SLACK_BY_ROOTS, CRUDEST = 2.0, 0.25, 50.0
 
 @kernel
 def build_time_map(
-    formula: Formula, loop: Loop, tolerance: float, panels: Records, desk: Desk
+    formula: Formula, loop: Loop, tolerance: float, panels: Records, workspace: Workspace
 ) -> tuple[int, float]:
     """Fill the table of panels; return their number and the length of time.
 
@@ -36,11 +36,11 @@ def build_time_map(
     forced = 0
     kept = panels[:0]
     for _ in range(ATTEMPTS):
-        number, length = build_panels(formula, loop, tolerance, panels, desk, forced, kept, squares)
+        number, length = build_panels(formula, loop, tolerance, panels, workspace, forced, kept, squares)
         if number == 0 or not proves:
             return number, length
         before = forced
-        forced = _prove(formula, loop, tolerance, length, panels, number, squares, desk, forced)
+        forced = _prove(formula, loop, tolerance, length, panels, number, squares, workspace, forced)
         if forced == before:
             return number, length
         if forced < 0:
@@ -58,7 +58,7 @@ def _prove(
     panels: Records,
     number: int,
     squares: FloatArray,
-    desk: Desk,
+    workspace: Workspace,
     forced: int,
 ) -> int:
     """Fill in PROVED; put panels on which it is too large among the coarse ones; return how many there are.
@@ -77,7 +77,7 @@ def _prove(
             here += 1
         if here < TOGETHER and n < number - 1:
             continue
-        bound_left_out(formula, loop, middles, here, desk.board, left_out)
+        bound_left_out(formula, loop, middles, here, workspace.discs, left_out)
         for k in range(here):
             panel = panels[at_once[k]]
             unseen, seen = _prove_one(panel, middles[k, 2], left_out[k], squares[at_once[k]])
@@ -86,7 +86,7 @@ def _prove(
             if not ((is_good or unseen <= seen) and seen + unseen < WORST):
                 if forced == MAX_PANELS:
                     return -1
-                cut = desk.coarse[forced]
+                cut = workspace.coarse[forced]
                 cut.anchor, cut.low, cut.high = panel.anchor, panel.low, panel.high
                 forced += 1
         here = 0

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.blocks import BLOCK, SPLIT, sort_by_interval, two_sum
-from workers.solvers.compiled.desk import Moments
 from workers.solvers.compiled.evaluation.curve import loop_points
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Loop, Panel, Records
 from workers.solvers.compiled.time_map.series import at, distance, larger, series_at, slope_at
+from workers.solvers.compiled.workspace import Moments
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -231,11 +231,11 @@ def sample_one(
     times: FloatArray,
     rests: FloatArray,
     columns: IntArray,
-    desks: Records,
+    workspaces: Records,
     out: FloatArray,
 ) -> None:
     """Sample the motion of the only loop there is; as :func:`sample`, called from Python."""
-    sample(loops[0], panels, len(panels), times, rests, columns, desks[0].moments, out)
+    sample(loops[0], panels, len(panels), times, rests, columns, workspaces[0].moments, out)
 
 
 @kernel

@@ -18,12 +18,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import LANES, Board
 from workers.solvers.compiled.discs.arithmetic import SAME_POWER
-from workers.solvers.compiled.discs.on_loop import derivatives_on_board, put_disc
+from workers.solvers.compiled.discs.on_loop import derivatives_on_discs, put_disc
 from workers.solvers.compiled.evaluation.curve import place
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Formula, Loop
+from workers.solvers.compiled.workspace import LANES, DiscWorkspace
 
 FloatArray = NDArray[np.float64]
 
@@ -123,7 +123,7 @@ def _size_by_roots(loop: Loop, square: float, square_r: float) -> float:
 
 @kernel
 def bound_left_out(
-    formula: Formula, loop: Loop, middles: FloatArray, count: int, board: Board, left_out: FloatArray
+    formula: Formula, loop: Loop, middles: FloatArray, count: int, discs: DiscWorkspace, left_out: FloatArray
 ) -> None:
     """Fill in a bound of |Q − q| on panels given by rows (anchor, w in the middle, half width); inf: none."""
     number = len(ELLIPSES)
@@ -145,18 +145,18 @@ def bound_left_out(
                 radius = (
                     h * (abs(math.cos(theta)) * even + abs(math.sin(theta)) * math.sinh(radius)) * OUTWARDS
                 )
-            put_disc(board, lane, sine, cosine, radius)
+            put_disc(discs, lane, sine, cosine, radius)
     lanes = number * count
     row = 0
     leading = 0.0
     if by_roots:
         for m in range(lanes):
             size = loop.g
-            s, z = board.s_centre[m], loop.z
-            board.square[m] = z * z + size * size * (1.0 + s * s)
-            board.square_radius[m] = size * size * board.t_radius[m]
+            s, z = discs.s_centre[m], loop.z
+            discs.square[m] = z * z + size * size * (1.0 + s * s)
+            discs.square_radius[m] = size * size * discs.t_radius[m]
     else:
-        row = derivatives_on_board(formula, loop, board, lanes)
+        row = derivatives_on_discs(formula, loop, discs, lanes)
         leading = formula.powers[row] + 1.0 - loop.alpha
     unit = 1.0 / (math.pi * loop.z) ** 2
     for n in range(count):
@@ -164,14 +164,14 @@ def bound_left_out(
         for k in range(number):
             m = number * n + k
             if by_roots:
-                s = board.s_centre[m]
-                size = _size_by_roots(loop, s * s, board.t_radius[m])
+                s = discs.s_centre[m]
+                size = _size_by_roots(loop, s * s, discs.t_radius[m])
             else:
                 size = (abs(formula.centres[row, m]) + formula.radii[row, m]) * _scale(
-                    board.s_centre[m], board.s_radius[m], leading
+                    discs.s_centre[m], discs.s_radius[m], leading
                 )
                 size *= loop.factor * loop.z / loop.g
-            size *= (board.square[m] + board.square_radius[m]) * unit / least[m] * OUTWARDS
+            size *= (discs.square[m] + discs.square_radius[m]) * unit / least[m] * OUTWARDS
             rho = ELLIPSES[k]
             bound = 4.0 * size * rho**-DEGREE / (rho - 1.0)
             if bound < best:

@@ -16,7 +16,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import Places
 from workers.solvers.compiled.evaluation.curve import loop_points
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop
@@ -32,6 +31,7 @@ from workers.solvers.compiled.transverse.jets import (
     Y,
     evaluate_jets,
 )
+from workers.solvers.compiled.workspace import Places
 
 FloatArray = NDArray[np.float64]
 

@@ -5,7 +5,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import Places
 from workers.solvers.compiled.evaluation.curve import place, radicands_with_bounds
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import NODES, Formula, Loop, Panel, Records
@@ -13,6 +12,7 @@ from workers.solvers.compiled.time_map.series import POINTS, at, distance, last_
 from workers.solvers.compiled.transverse.hill import coefficients
 from workers.solvers.compiled.transverse.jets import WIDTH
 from workers.solvers.compiled.transverse.steps import STAGES, WEIGHTS, cross
+from workers.solvers.compiled.workspace import Places
 
 FloatArray = NDArray[np.float64]
 

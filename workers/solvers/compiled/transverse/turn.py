@@ -147,7 +147,7 @@ def turn(
     loops: Records,
     panels: Records,
     founds: Records,
-    desks: Records,
+    workspaces: Records,
     moments: FloatArray,
     out: FloatArray,
 ) -> bool:
@@ -156,7 +156,7 @@ def turn(
     ``out``, shape (8,), has the matrix row by row, the error of its trace, the excursion, the largest
     size of (p, r) and the number of places looked at. ``moments`` are A, B, C, B − C, A − C, A − B.
     """
-    loop, places = loops[0], desks[0].places
+    loop, places = loops[0], workspaces[0].places
     # No discs are worked on here.
     blank, none = np.empty((0, 0)), np.empty(0)
     formula = Formula(code, result, constants, none, new_registers(code), blank, none, none, none)

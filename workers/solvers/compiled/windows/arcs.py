@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 
-from workers.solvers.compiled.desk import Desk
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop, Records, Start
 from workers.solvers.compiled.windows.scan import END, MAX_ZEROS, PASSABLE, radicand_at, scan_half
+from workers.solvers.compiled.workspace import Workspace
 
 AUTOMATIC, EQUATOR, REST, POINT = range(4)
 """Kinds of start."""
@@ -33,10 +33,10 @@ def _largest_sine(lo: float, hi: float) -> float:
 
 
 @kernel
-def find_arcs(formula: Formula, loop: Loop, half: float, is_smooth: bool, desk: Desk) -> int:
+def find_arcs(formula: Formula, loop: Loop, half: float, is_smooth: bool, workspace: Workspace) -> int:
     """Fill the table of arcs that meet the half of the loop; return their number, or one of those above."""
-    zeros, others, arcs = np.empty(MAX_ZEROS), np.empty(MAX_ZEROS), desk.arcs
-    count, sign, north, south = scan_half(formula, loop, half, zeros, desk)
+    zeros, others, arcs = np.empty(MAX_ZEROS), np.empty(MAX_ZEROS), workspace.arcs
+    count, sign, north, south = scan_half(formula, loop, half, zeros, workspace)
     if count < 0:
         return UNDECIDED
     goes_north, goes_south = north == PASSABLE, south == PASSABLE
@@ -44,13 +44,13 @@ def find_arcs(formula: Formula, loop: Loop, half: float, is_smooth: bool, desk: 
     if goes_north or goes_south:
         if not is_smooth:
             return UNDECIDED
-        other, _, other_north, other_south = scan_half(formula, loop, -half, others, desk)
+        other, _, other_north, other_south = scan_half(formula, loop, -half, others, workspace)
         if other < 0 or (goes_north and other_north != PASSABLE) or (goes_south and other_south != PASSABLE):
             return UNDECIDED
         for end, goes in ((-END, goes_north), (END, goes_south)):
             if goes:
-                here = radicand_at(formula, loop, half, end, desk)
-                there = radicand_at(formula, loop, -half, end, desk)
+                here = radicand_at(formula, loop, half, end, workspace)
+                there = radicand_at(formula, loop, -half, end, workspace)
                 # With another limit beyond the pole no motion goes on there.
                 if not abs(here - there) < SAME_LIMIT * abs(here):
                     return UNDECIDED

@@ -12,9 +12,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import Desk
 from workers.solvers.compiled.discs.arithmetic import SAME_POWER
-from workers.solvers.compiled.discs.on_loop import derivatives_on_board, put_disc, put_pole
+from workers.solvers.compiled.discs.on_loop import derivatives_on_discs, put_disc, put_pole
 from workers.solvers.compiled.evaluation.curve import radicands
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop
@@ -35,6 +34,7 @@ from workers.solvers.compiled.windows.scan_panels import (
     resolve,
 )
 from workers.solvers.compiled.windows.signs import NODES, is_certain, read_panel, value_and_slope
+from workers.solvers.compiled.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
 
@@ -55,10 +55,10 @@ def radicand_at(
     loop: Loop,
     half: float,
     y: float,
-    desk: Desk,
+    workspace: Workspace,
 ) -> float:
     """Return P at y on the half of the loop with this sign of g3."""
-    places = desk.places
+    places = workspace.places
     places.sine[0], places.cosine[0] = half / math.cosh(y), -math.tanh(y)
     radicands(formula, loop, places, 1)
     return float(places.radicand[0])
@@ -73,7 +73,7 @@ def _zero(
     b: float,
     fa: float,
     fb: float,
-    desk: Desk,
+    workspace: Workspace,
 ) -> float:
     """Return the zero between a and b, where the signs differ, by Anderson and Björck's rule."""
     for step in range(200):
@@ -82,7 +82,7 @@ def _zero(
             x = 0.5 * (a + b)
         if x in (a, b):
             break
-        fx = radicand_at(formula, loop, half, x, desk)
+        fx = radicand_at(formula, loop, half, x, workspace)
         if fx == 0.0:
             return x
         if (fx > 0.0) == (fb > 0.0):
@@ -103,7 +103,7 @@ def scan_half(
     loop: Loop,
     half: float,
     zeros: FloatArray,
-    desk: Desk,
+    workspace: Workspace,
 ) -> tuple[int, int, int, int]:
     """Return the number of zeros (−1: undecided), P's sign before the first, and its north and south pole.
 
@@ -111,10 +111,10 @@ def scan_half(
     """
     c, r, e = formula.centres, formula.radii, formula.powers
     for n in range(PANELS):
-        put_disc(desk.board, n, half * MIDDLE_SINES[n], MIDDLE_COSINES[n], HALF_WIDTHS[n])
+        put_disc(workspace.discs, n, half * MIDDLE_SINES[n], MIDDLE_COSINES[n], HALF_WIDTHS[n])
     for k in range(2):
-        put_pole(desk.board, PANELS + k, POLE_SINE, 1.0 - 2.0 * k, half)
-    row = derivatives_on_board(formula, loop, desk.board, PANELS + 2)
+        put_pole(workspace.discs, PANELS + k, POLE_SINE, 1.0 - 2.0 * k, half)
+    row = derivatives_on_discs(formula, loop, workspace.discs, PANELS + 2)
     exponent = e[row]
     if not abs(exponent) < math.inf:
         return -1, 0, 0, 0
@@ -134,7 +134,7 @@ def scan_half(
         poles[k] = np.sign(c[row, PANELS + k]) if abs(c[row, PANELS + k]) > r[row, PANELS + k] else 0.0
     for k in range(2):
         if poles[k] == 0.0:
-            more[k] = pole_cells(formula, loop, half, 1.0 - 2.0 * k, desk)
+            more[k] = pole_cells(formula, loop, half, 1.0 - 2.0 * k, workspace)
             if more[k] < 0:
                 return -1, 0, 0, 0
             poles[k] = np.sign(c[row, more[k] - 1])
@@ -148,7 +148,7 @@ def scan_half(
             open_panels[start:stop],
             errors,
             all_series,
-            desk,
+            workspace,
         )
     brackets, state, kept = np.empty((MAX_ZEROS, 4)), np.zeros(4), np.zeros(4)
     found = is_certain(state, poles[0], 0.0, 1.0, EDGES[0] / STEP ** more[0], 1.0, brackets, 0)
@@ -196,7 +196,7 @@ def scan_half(
                 state,
                 brackets,
                 found,
-                desk,
+                workspace,
             )
             if found_now >= 0:
                 found = found_now
@@ -213,16 +213,16 @@ def scan_half(
         fa, fb = 1.0, 1.0
         if width < math.inf:
             closer_a, closer_b = _height(near - width, brackets[k, 1]), _height(near + width, brackets[k, 1])
-            fa = radicand_at(formula, loop, half, closer_a, desk)
-            fb = radicand_at(formula, loop, half, closer_b, desk)
+            fa = radicand_at(formula, loop, half, closer_a, workspace)
+            fb = radicand_at(formula, loop, half, closer_b, workspace)
         if fa * np.sign(fb) < 0.0:
             a, b = closer_a, closer_b
         else:
-            fa = radicand_at(formula, loop, half, a, desk)
-            fb = radicand_at(formula, loop, half, b, desk)
+            fa = radicand_at(formula, loop, half, a, workspace)
+            fb = radicand_at(formula, loop, half, b, workspace)
         if not (abs(fa) < math.inf and abs(fb) < math.inf and fa * np.sign(fb) < 0.0):
             return -1, 0, 0, 0
-        zeros[k] = _zero(formula, loop, half, a, b, fa, fb, desk)
+        zeros[k] = _zero(formula, loop, half, a, b, fa, fb, workspace)
     # P = D g3/g1 up to constants.
     poles *= turned
     leading = exponent + 1.0 - loop.alpha

@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.desk import Board, Desk, Places
-from workers.solvers.compiled.discs.on_loop import derivatives_on_board, put_disc, put_pole
+from workers.solvers.compiled.discs.on_loop import derivatives_on_discs, put_disc, put_pole
 from workers.solvers.compiled.evaluation.curve import loop_points
 from workers.solvers.compiled.evaluation.interpreter import derivative, power
 from workers.solvers.compiled.kernels import kernel
@@ -22,6 +21,7 @@ from workers.solvers.compiled.windows.signs import (
     read_panel,
 )
 from workers.solvers.compiled.windows.signs import to_series as matrix_to_series
+from workers.solvers.compiled.workspace import DiscWorkspace, Places, Workspace
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -72,12 +72,12 @@ def _values(
 
 
 @kernel
-def _put_panel(board: Board, lane: int, half: float, begin: float, end: float, side: float) -> None:
-    """Put the disc around a panel's ellipse on the board, and its centre alone on the next place."""
+def _put_panel(discs: DiscWorkspace, lane: int, half: float, begin: float, end: float, side: float) -> None:
+    """Put the disc around a panel's ellipse on the disc workspace, and its centre alone on the next place."""
     middle, wide = 0.5 * (begin + end), 0.5 * abs(end - begin)
     sine, cosine = half * math.sin(middle), side * math.cos(middle)
-    put_disc(board, lane, sine, cosine, REACH * wide)
-    put_disc(board, lane + 1, sine, cosine, 0.0)
+    put_disc(discs, lane, sine, cosine, REACH * wide)
+    put_disc(discs, lane + 1, sine, cosine, 0.0)
 
 
 @kernel
@@ -98,27 +98,27 @@ def resolve(
     panels: IntArray,
     errors: FloatArray,
     all_series: FloatArray,
-    desk: Desk,
+    workspace: Workspace,
 ) -> None:
     """Fill in the series of some of the first panels, and the errors of their values and slopes."""
     number, logs = len(panels), np.empty(NODES * len(panels))
     for k in range(number):
         n = panels[k]
         sine, cosine = half * MIDDLE_SINES[n], MIDDLE_COSINES[n]
-        put_disc(desk.board, 2 * k, sine, cosine, REACH * HALF_WIDTHS[n])
-        put_disc(desk.board, 2 * k + 1, sine, cosine, 0.0)
+        put_disc(workspace.discs, 2 * k, sine, cosine, REACH * HALF_WIDTHS[n])
+        put_disc(workspace.discs, 2 * k + 1, sine, cosine, 0.0)
         for j in range(NODES):
             at, to = NODES * n + j, NODES * k + j
-            desk.places.sine[to], desk.places.cosine[to] = half * NODE_SINES[at], NODE_COSINES[at]
+            workspace.places.sine[to], workspace.places.cosine[to] = half * NODE_SINES[at], NODE_COSINES[at]
             logs[to] = NODE_LOGARITHMS[at]
-    row = derivatives_on_board(formula, loop, desk.board, 2 * number)
-    _values(formula, loop, desk.places, logs, exponent, NODES * number)
+    row = derivatives_on_discs(formula, loop, workspace.discs, 2 * number)
+    _values(formula, loop, workspace.places, logs, exponent, NODES * number)
     for k in range(number):
         n = panels[k]
         far, rounding = formula.radii[row, 2 * k], formula.radii[row, 2 * k + 1] * ROUNDINGS
         errors[n, 0] = far * VALUE_TAIL + rounding
         errors[n, 1] = far * SLOPE_TAIL + rounding * NODES * NODES
-        _series(desk.places.radicand, NODES * k, all_series[n])
+        _series(workspace.places.radicand, NODES * k, all_series[n])
 
 
 @kernel
@@ -127,12 +127,12 @@ def pole_cells(
     loop: Loop,
     half: float,
     side: float,
-    desk: Desk,
+    workspace: Workspace,
 ) -> int:
     """Return how many more panels lead to a cell at the pole on which D has one sign (−1: none)."""
     for k in range(NEARER):
-        put_pole(desk.board, k, math.sin(EDGES[0] / STEP ** (k + 1.0)) * (1.0 + 1e-15), side, half)
-    row = derivatives_on_board(formula, loop, desk.board, NEARER)
+        put_pole(workspace.discs, k, math.sin(EDGES[0] / STEP ** (k + 1.0)) * (1.0 + 1e-15), side, half)
+    row = derivatives_on_discs(formula, loop, workspace.discs, NEARER)
     for k in range(NEARER):
         if abs(formula.centres[row, k]) > formula.radii[row, k]:
             return k + 1
@@ -151,13 +151,13 @@ def read_alone(
     state: FloatArray,
     brackets: FloatArray,
     found: int,
-    desk: Desk,
+    workspace: Workspace,
 ) -> int:
     """Read a panel that is not among the first; the state stays as it was where that fails."""
     middle, wide = 0.5 * (begin + end), 0.5 * abs(end - begin)
-    _put_panel(desk.board, 0, half, begin, end, side)
-    put_disc(desk.board, 2, half * math.sin(middle), side * math.cos(middle), wide)
-    row = derivatives_on_board(formula, loop, desk.board, 3)
+    _put_panel(workspace.discs, 0, half, begin, end, side)
+    put_disc(workspace.discs, 2, half * math.sin(middle), side * math.cos(middle), wide)
+    row = derivatives_on_discs(formula, loop, workspace.discs, 3)
     c, r = formula.centres, formula.radii
     if abs(c[row, 2]) > r[row, 2]:
         return is_certain(state, np.sign(c[row, 2]), begin, side, end, side, brackets, found)
@@ -168,10 +168,10 @@ def read_alone(
     for j in range(NODES):
         x = X[j]
         away = 0.5 * (begin * (1.0 - x) + end * (1.0 + x))
-        desk.places.sine[j], desk.places.cosine[j] = half * math.sin(away), side * math.cos(away)
+        workspace.places.sine[j], workspace.places.cosine[j] = half * math.sin(away), side * math.cos(away)
         logs[j] = math.log(math.sin(away))
-    _values(formula, loop, desk.places, logs, exponent, NODES)
-    _series(desk.places.radicand, 0, series)
+    _values(formula, loop, workspace.places, logs, exponent, NODES)
+    _series(workspace.places.radicand, 0, series)
     error, slope_error = far * VALUE_TAIL + rounding, far * SLOPE_TAIL + rounding * NODES * NODES
     found = read_panel(series, error, slope_error, begin, end, side, state, brackets, found)
     if found < 0:

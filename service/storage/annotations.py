@@ -6,14 +6,14 @@ from typing import TypeVar
 from sqlalchemy import Connection, bindparam, delete, insert, select, update
 from sqlalchemy.orm import Session
 
-from service.schemas.reading.marks import Marks
+from service.schemas.reading.annotation import Annotation
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.labels import LABELS_OF, JobLabelRow, SolutionLabelRow
 from service.storage.tables.solutions import SolutionRow
 from service.storage.tables.sweeps import SweepRow
 
-Marked = TypeVar("Marked", JobRow, SolutionRow, SweepRow)
+Annotatable = TypeVar("Annotatable", JobRow, SolutionRow, SweepRow)
 """A row that has labels and a note."""
 
 _OF_JOBS, _OF_SOLUTIONS = table_of(JobLabelRow), table_of(SolutionLabelRow)
@@ -34,8 +34,8 @@ def copy_labels(connection: Connection, *solution_ids: str) -> None:
     connection.execute(_COPY, [{"solution": solution_id} for solution_id in solution_ids])
 
 
-def marks_of(session: Session, rows: Sequence[Marked]) -> list[Marks]:
-    """Return the marks of each row."""
+def annotations_of(session: Session, rows: Sequence[Annotatable]) -> list[Annotation]:
+    """Return the annotation of each row."""
     if not rows:
         return []
     table = LABELS_OF[type(rows[0])]
@@ -43,28 +43,30 @@ def marks_of(session: Session, rows: Sequence[Marked]) -> list[Marks]:
     found: dict[str, dict[str, str]] = {}
     for owner_id, key, value in session.execute(statement):
         found.setdefault(owner_id, {})[key] = value
-    return [Marks(dict(sorted(found.get(row.id, {}).items())), row.note) for row in rows]
+    return [Annotation(dict(sorted(found.get(row.id, {}).items())), row.note) for row in rows]
 
 
-def insert_labels(session: Session, row: type[Marked], given: Sequence[tuple[str, float, Marks]]) -> None:
+def insert_labels(
+    session: Session, row: type[Annotatable], given: Sequence[tuple[str, float, Annotation]]
+) -> None:
     """Insert the labels of new rows, each with its id and the instant at which it is stored."""
     labels = [
         {"owner_id": owner_id, "created_at": created_at, "key": key, "value": value}
-        for owner_id, created_at, marks in given
-        for key, value in marks.labels.items()
+        for owner_id, created_at, annotation in given
+        for key, value in annotation.labels.items()
     ]
     if labels:
         session.execute(insert(LABELS_OF[row]), labels)
 
 
-def rewrite(session: Session, row: Marked, marks: Marks, before: Mapping[str, str]) -> None:
-    """Replace the marks of a row that this transaction has locked; ``before`` are its labels so far."""
+def rewrite(session: Session, row: Annotatable, annotation: Annotation, before: Mapping[str, str]) -> None:
+    """Replace the annotation of a row that this transaction has locked; ``before`` are its labels so far."""
     table = LABELS_OF[type(row)]
-    changed = {key: value for key, value in marks.labels.items() if before.get(key) != value}
-    gone = [key for key in before if marks.labels.get(key) != before[key]]
+    changed = {key: value for key, value in annotation.labels.items() if before.get(key) != value}
+    gone = [key for key in before if annotation.labels.get(key) != before[key]]
     if gone:
         session.execute(delete(table).where(table.owner_id == row.id, table.key.in_(gone)))
-    insert_labels(session, type(row), [(row.id, row.created_at, Marks(changed))])
+    insert_labels(session, type(row), [(row.id, row.created_at, Annotation(changed))])
     # With a change of labels alone too: the row then says that it has changed.
-    if marks.note != row.note or gone or changed:
-        session.execute(update(type(row)).where(type(row).id == row.id).values(note=marks.note))
+    if annotation.note != row.note or gone or changed:
+        session.execute(update(type(row)).where(type(row).id == row.id).values(note=annotation.note))

@@ -15,26 +15,26 @@ FIELDS = ("labels", "note")
 
 
 @dataclass(frozen=True, slots=True)
-class Marks:
-    """Labels and a note; part of no problem's identity."""
+class Annotation:
+    """The labels and the note of a job, solution or sweep; part of no problem's identity."""
 
     labels: Mapping[str, str] = field(default_factory=dict)
     """Values by their keys, in the order of the keys."""
     note: str | None = None
 
 
-UNMARKED = Marks()
+UNANNOTATED = Annotation()
 
 
-def split_marks(document: Mapping[str, object]) -> tuple[Document, Marks]:
-    """Return a valid document without its marks, and the marks."""
+def split_annotation(document: Mapping[str, object]) -> tuple[Document, Annotation]:
+    """Return a valid document without its labels and note, and these."""
     rest = {name: value for name, value in document.items() if name not in FIELDS}
-    return rest, patched(UNMARKED, {name: document[name] for name in FIELDS if name in document})
+    return rest, patched(UNANNOTATED, {name: document[name] for name in FIELDS if name in document})
 
 
-def patched(marks: Marks, patch: Mapping[str, object]) -> Marks:
-    """Return the marks after a valid merge patch (RFC 7396): what is null goes, what is missing stays."""
-    labels, note = dict(marks.labels), marks.note
+def patched(annotation: Annotation, patch: Mapping[str, object]) -> Annotation:
+    """Return it after a valid merge patch (RFC 7396): what is null goes, what is missing stays."""
+    labels, note = dict(annotation.labels), annotation.note
     if "labels" in patch:
         changes = patch["labels"]
         if isinstance(changes, Mapping):
@@ -45,4 +45,4 @@ def patched(marks: Marks, patch: Mapping[str, object]) -> Marks:
     if "note" in patch:
         text = patch["note"]
         note = text if isinstance(text, str) else None
-    return Marks(dict(sorted(labels.items())), note)
+    return Annotation(dict(sorted(labels.items())), note)

@@ -76,7 +76,7 @@ class Moments:
     """
 
 
-class Board:
+class DiscWorkspace:
     """Discs around places of the loop."""
 
     s_centre: FloatArray
@@ -93,25 +93,25 @@ class Board:
     """c² as a disc."""
 
 
-class Desk:
+class Workspace:
     """All that a solver works on."""
 
     places: Places
     moments: Moments
-    board: Board
+    discs: DiscWorkspace
     arcs: Records
     waiting: Records
     coarse: Records
 
 
-PLACES, MOMENTS, BOARD = rows(Places, POINTS), rows(Moments, STRIDE), rows(Board, LANES)
-DESK = np.dtype(
+PLACES, MOMENTS, DISC_WORKSPACE = rows(Places, POINTS), rows(Moments, STRIDE), rows(DiscWorkspace, LANES)
+WORKSPACE = np.dtype(
     (
         np.record,
         [
             ("places", PLACES),
             ("moments", MOMENTS),
-            ("board", BOARD),
+            ("discs", DISC_WORKSPACE),
             ("arcs", ARC, MAX_ARCS),
             ("waiting", CUT, MAX_PANELS),
             ("coarse", CUT, MAX_PANELS),
@@ -123,12 +123,12 @@ DESK = np.dtype(
 _OF_THREAD = threading.local()
 
 
-def own_desk() -> Records:
-    """Return the desk of this thread, shape (1,), with whatever was left on it.
+def own_workspace() -> Records:
+    """Return the workspace of this thread, shape (1,), with whatever was left on it.
 
     It is so large that the system hands it out page by page: a new one takes longer than many a motion.
     """
-    found: Records | None = getattr(_OF_THREAD, "desk", None)
+    found: Records | None = getattr(_OF_THREAD, "workspace", None)
     if found is None:
-        found = _OF_THREAD.desk = new_records(DESK)
+        found = _OF_THREAD.workspace = new_records(WORKSPACE)
     return found

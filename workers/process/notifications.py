@@ -1,4 +1,4 @@
-"""Adds Procrastinate's notifications to the worker loop: Postgres announces delivered jobs."""
+"""Notifications of queued jobs by Postgres, apart from the worker loop: only this module loads its driver."""
 
 import contextlib
 
@@ -6,11 +6,11 @@ import psycopg
 from psycopg import sql
 from sqlalchemy import Engine
 
-from service.storage.jobs.procrastinate_dispatcher import CHANNEL
+from service.storage.jobs.queue import CHANNEL
 
 
 class Notifications:
-    """The :class:`~workers.process.worker.Announcements` of Procrastinate's queue.
+    """The :class:`~workers.process.worker.Announcements` of jobs that other machines have queued.
 
     They only shorten waiting: a job announced while not listening is found by
     the next poll.

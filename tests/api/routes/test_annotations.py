@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sqlalchemy import func, select
 
 from service.jobs.keys import Role
-from service.schemas.reading.marks import Marks, patched
+from service.schemas.reading.annotation import Annotation, patched
 from service.storage.inspection.inspect import inspect
 from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
 from tests.support.api import STATE, finish
@@ -27,7 +27,7 @@ def patch(client, path, change, **headers):
     return client.request("PATCH", path, json=change, headers={"Content-Type": MERGE_PATCH, **headers})
 
 
-def marks_of(client, path, **headers):
+def annotations_of(client, path, **headers):
     document = client.get(path, headers=headers).json()
     return document["labels"], document["note"]
 
@@ -61,12 +61,12 @@ def test_they_are_given_with_a_job_and_are_no_part_of_its_problem(client, jobs):
     assert (answer["labels"], answer["note"]) == (MARKED["labels"], "first try")
     assert answer["problem"] == STATE
     stored = finish(jobs)
-    assert marks_of(client, f"/v1/solutions/{stored.solution_id}") == (MARKED["labels"], "first try")
+    assert annotations_of(client, f"/v1/solutions/{stored.solution_id}") == (MARKED["labels"], "first try")
     # The same problem with other labels is the same problem; its labels are its own.
     again = client.post("/v1/jobs", json={**STATE, "labels": {"project": "other"}}).json()
     assert (again["solution"], again["reused"]) == (stored.solution_id, True)
     assert (again["labels"], again["note"]) == ({"project": "other"}, None)
-    assert marks_of(client, f"/v1/solutions/{stored.solution_id}") == (MARKED["labels"], "first try")
+    assert annotations_of(client, f"/v1/solutions/{stored.solution_id}") == (MARKED["labels"], "first try")
 
 
 def test_each_problem_of_a_list_has_its_own(client):
@@ -178,7 +178,7 @@ def test_no_change_is_lost_if_the_tag_is_sent(client, path):
         assert code_of(answer) == (412, "changed_meanwhile")
     weak = "W/" + client.get(path).headers["etag"]
     assert patch(client, path, {"note": "theirs"}, **{"If-Match": weak}).status_code == 412
-    assert marks_of(client, path)[1] == "mine"
+    assert annotations_of(client, path)[1] == "mine"
 
 
 def test_of_changes_at_once_with_one_tag_a_single_one_happens(client, path):
@@ -191,14 +191,14 @@ def test_of_changes_at_once_with_one_tag_a_single_one_happens(client, path):
         answers = list(pool.map(change, range(4)))
     assert sorted(answer.status_code for answer in answers) == [200, 412, 412, 412]
     (winner,) = (n for n, answer in enumerate(answers) if answer.status_code == 200)
-    assert marks_of(client, path)[0]["winner"] == str(winner)
+    assert annotations_of(client, path)[0]["winner"] == str(winner)
 
 
 def test_of_changes_at_once_without_a_tag_none_is_lost(client, path):
     with ThreadPoolExecutor(4) as pool:
         answers = list(pool.map(lambda n: patch(client, path, {"labels": {f"k{n}": "x"}}), range(8)))
     assert {answer.status_code for answer in answers} == {200}
-    assert marks_of(client, path)[0] == {**MARKED["labels"], **{f"k{n}": "x" for n in range(8)}}
+    assert annotations_of(client, path)[0] == {**MARKED["labels"], **{f"k{n}": "x" for n in range(8)}}
 
 
 def test_only_operators_change_what_is_not_theirs(client, database, jobs):
@@ -212,7 +212,7 @@ def test_only_operators_change_what_is_not_theirs(client, database, jobs):
             assert patch(client, path, {"note": "no"}, **header).status_code == 403
         for note, header in (("mine", mine), ("operator", operator)):
             assert patch(client, path, {"note": note}, **header).status_code == 200
-            assert marks_of(client, path, **reader) == ({}, note)
+            assert annotations_of(client, path, **reader) == ({}, note)
     missing = f"/v1/jobs/{solution}"
     assert patch(client, missing, {}, **operator).status_code == 404
 
@@ -222,11 +222,11 @@ def test_a_job_and_its_solution_have_their_own_after_its_success(client, jobs):
     # What a queued job has in the moment of its success is what its solution gets.
     patch(client, job, {"labels": {"run": None}, "note": "second"})
     solution = f"/v1/solutions/{finish(jobs).solution_id}"
-    assert marks_of(client, solution) == ({"project": "thesis"}, "second")
+    assert annotations_of(client, solution) == ({"project": "thesis"}, "second")
     patch(client, job, {"labels": {"project": "job"}, "note": None})
-    assert marks_of(client, solution) == ({"project": "thesis"}, "second")
+    assert annotations_of(client, solution) == ({"project": "thesis"}, "second")
     patch(client, solution, {"labels": {"project": "solution"}})
-    assert marks_of(client, job) == ({"project": "job"}, None)
+    assert annotations_of(client, job) == ({"project": "job"}, None)
 
 
 def test_all_lists_are_asked_by_labels(client, path):
@@ -302,7 +302,7 @@ def merge_patch(target, change):
     "labels": st.none() | st.dictionaries(texts, st.none() | texts, max_size=3), "note": st.none() | texts,
 }))  # fmt: skip
 def test_a_change_is_what_the_rfc_says(given_labels, note, change):
-    marks = patched(Marks(given_labels, note), change)
+    annotation = patched(Annotation(given_labels, note), change)
     document = {"labels": given_labels, **({} if note is None else {"note": note})}
     merged = merge_patch(document, change)
-    assert marks == Marks(dict(sorted(merged.get("labels", {}).items())), merged.get("note"))
+    assert annotation == Annotation(dict(sorted(merged.get("labels", {}).items())), merged.get("note"))

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, WithJsonSchema
 
-from service.schemas.reading.marks import LABEL_KEY, LABEL_KEYS, LONGEST_NOTE, LONGEST_VALUE, MOST_LABELS
+from service.schemas.reading.annotation import LABEL_KEY, LABEL_KEYS, LONGEST_NOTE, LONGEST_VALUE, MOST_LABELS
 from service.schemas.reading.numbers import refuse
 from service.schemas.reading.parts import WireModel
 
@@ -80,6 +80,6 @@ class MarksPatchIn(WireModel):
 
     labels: _LabelChanges | None = Field(
         default=None,
-        description="Values by their keys; null removes a label, and in the place of them all every label.",
+        description="Values by their keys; null removes a label, and in place of the object all labels.",
     )
     note: Note | None = Field(default=None, description=f"{NOTE_HELP} null removes it.")

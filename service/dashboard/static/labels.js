@@ -52,7 +52,7 @@ export function settled() {
 }
 
 /** Return labels and note of a row; a label becomes a condition. */
-export function marksOf(item, quoted, ask) {
+export function labelsOf(item, quoted, ask) {
   const labels = Object.entries(item.labels ?? {}).map(([key, value]) => h("button", { type: "button", class: "chip", onclick: () => ask(`label.${key}=${quoted(value)}`) }, `${key}: ${value}`));
   return [...labels, item.note ? h("span", { class: "hint note" }, item.note) : null, refused.has(item.id) ? h("span", { class: "fault" }, refused.get(item.id)) : null].filter(Boolean);
 }
