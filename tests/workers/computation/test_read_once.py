@@ -6,6 +6,7 @@ import pytest
 
 from service.jobs.records import Refused, Solved
 from service.schemas.problem.problem import read_problem
+from service.schemas.problem.trusted import trusted_problem
 from service.verdicts import examination
 from workers.computation import compute
 from workers.computation.compute import solve_checked, solve_document
@@ -24,12 +25,12 @@ def reads(monkeypatch) -> list[object]:
     """The documents that are read."""
     documents: list[object] = []
 
-    def read(document):
-        documents.append(document)
-        return read_problem(document)
+    def noting(read):
+        return lambda document: documents.append(document) or read(document)
 
-    monkeypatch.setattr(examination, "read_problem", read)
-    monkeypatch.setattr(compute, "read_problem", read)
+    monkeypatch.setattr(compute, "read_problem", noting(read_problem))
+    for module in (examination, compute):
+        monkeypatch.setattr(module, "trusted_problem", noting(trusted_problem))
     return documents
 
 
