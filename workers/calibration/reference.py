@@ -13,9 +13,9 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.accuracy import Family, MotionKind, Reference
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import Problem, Tier
-from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.solution.ball_columns import MAX_PARTS
 from service.jobs.records import Refused
 from service.schemas.problem.problem import read_problem

@@ -38,7 +38,6 @@ from service.dynamics.problem import (
 )
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
-from service.dynamics.sampling import sample_times
 from workers.solvers.assembly.families import Declined, Family, Place, periodic_place
 from workers.solvers.certified.certify import Certified, certify
 from workers.solvers.certified.family import WayFamily
@@ -46,7 +45,7 @@ from workers.solvers.classical.solve import solve_classical
 from workers.solvers.closed_form.family import ClosedFormFamily
 from workers.solvers.compiled.family import CompiledFamily, CompiledTier, arc_in_doubles
 from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError, PrecisionLostError
-from workers.solvers.integration.solve import integrate_state
+from workers.solvers.integration.solve import integrate_from
 from workers.solvers.orbits.orbit import starting_state
 from workers.solvers.quadrature.family import QuadratureFamily
 from workers.solvers.ways import is_plain
@@ -248,10 +247,10 @@ def find_motion(problem: Problem) -> Motion:
     if isinstance(motion, ClassicalMotion):
         return solve_classical(problem, integrates=problem.method == "integration")
     if isinstance(motion, StateMotion):
-        return _integrate(problem, motion.omega, motion.gamma)
+        return integrate_from(problem, motion.omega, motion.gamma)
     if "integration" in choose(problem, "periodic").asked:
         state = planar_start(problem.body, problem.potential, motion)
-        return _integrate(problem, state[:3], state[3:])
+        return integrate_from(problem, state[:3], state[3:])
     return with_enough_bits(problem, _ask_in_turn)
 
 
@@ -311,18 +310,3 @@ def _ask_in_turn(problem: Problem, found: Place) -> Motion:
         # Its samples will be enclosures, next to a function of time with the error that it showed.
         return last
     raise AccuracyNotMetError(reached, problem.tolerance)
-
-
-def _integrate(
-    problem: Problem, omega: Sequence[Fraction | float], gamma: Sequence[Fraction | float]
-) -> Motion:
-    times = sample_times(problem.time, None)
-    return integrate_state(
-        problem.body,
-        problem.potential,
-        omega,
-        gamma,
-        times.doubles,
-        tolerance=problem.tolerance,
-        low_parts=times.low_parts,
-    )

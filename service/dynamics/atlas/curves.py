@@ -18,11 +18,11 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.height import log_sine_real, numerator_real
-from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, Shape, shape_of
 from service.dynamics.reduction.sign_proofs.cells import Curves

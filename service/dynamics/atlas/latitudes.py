@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, equator_of
 from service.dynamics.atlas.zeros import Zeros
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.tree import Binary, Call, Symbol, Tree
 from service.dynamics.potentials.families.general_solution import FAMILY, GeneralPotential
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.reduction.geometry.height import c_squared_range, log_sine_ball
-from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 from service.dynamics.reduction.sign_proofs.equators import equators
 from service.dynamics.reduction.window import Arc, ArcEnd, Window

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from service.dynamics.bounds import is_within
 from service.dynamics.classical.loop import CASE_BITS
 from service.dynamics.classical.protocol import ClassicalCase, rational, real_roots
+from service.dynamics.formula.algebras.ball import ball
 
 CONDITION_RELATIVE_ROUNDING = 1e-15
 """Relative: moments that satisfy a condition so closely mean the ones that satisfy it."""
@@ -122,7 +123,7 @@ def _of_ratios(case: ClassicalCase, moments: Partly, solution: int | None) -> It
     for second, third in _chosen_ratios(case, solution):
         ratio = (arb(1), second, third)
         k, given = next((k, moment) for k, moment in enumerate(moments) if moment is not None)
-        scale = arb(fmpq(given.numerator, given.denominator)) / ratio[k]
+        scale = ball(given) / ratio[k]
         own = [given if i == k else rational(scale * ratio[i]) for i in range(3)]
         if all(
             moment is None or is_within(abs(float(moment / exact - 1)), CONDITION_RELATIVE_ROUNDING)

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 
-from flint import acb_poly, arb, ctx, fmpq
+from flint import acb_poly, arb, ctx
 
 from service.dynamics.classical.errors import NearSeparatrixError
 from service.dynamics.classical.protocol import Coefficients, Number, Reduced, State, divided, value
+from service.dynamics.formula.algebras.ball import ball
 
 CASE_BITS = 256
 """Precision of the numbers of a case: 77 digits, of which roots and quotients lose some."""
@@ -90,9 +91,7 @@ class ReducedLoop:
             places = [Fraction(k, count) for k in range(count // 2 + 1)]
             for place in places:
                 if place not in values:
-                    values[place] = 1 / self.rate(
-                        2 * arb.pi() * arb(fmpq(place.numerator, place.denominator))
-                    )
+                    values[place] = 1 / self.rate(2 * arb.pi() * ball(place))
             first = [values[place] for place in places]
             series = first + first[-2:0:-1]
             mean = sum(series, arb(0)) / count

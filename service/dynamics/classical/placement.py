@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from flint import arb, ctx, fmpq
+from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.classical.bodies import Fitting, Partly, fittings
@@ -16,6 +16,7 @@ from service.dynamics.classical.cases import hess, staude
 from service.dynamics.classical.errors import CaseMomentsError, CaseNotRealError, CaseParameterError
 from service.dynamics.classical.loop import CASE_BITS, ReducedLoop, loops
 from service.dynamics.classical.protocol import ClassicalCase, Number, Reduced, Setting, State, rational
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import ClassicalMotion
 
 RELATION_RELATIVE_ROUNDING = Fraction(1, 10**15)
@@ -88,11 +89,6 @@ def start_of(state: Sequence[arb]) -> Start:
     """Return a state as rationals."""
     p, q, r, g1, g2, g3 = (rational(x) for x in state)
     return Start((p, q, r), (g1, g2, g3))
-
-
-def ball(number: Fraction) -> arb:
-    """Return a rational as a ball."""
-    return arb(fmpq(number.numerator, number.denominator))
 
 
 def place_steady(fitting: Fitting, motion: ClassicalMotion) -> Placed:

@@ -15,10 +15,10 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
     CELL_MIN_RELATIVE_WIDTH,
     QUARTER_TURN,

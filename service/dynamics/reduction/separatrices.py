@@ -5,7 +5,8 @@ from dataclasses import replace
 
 from flint import arb, ctx
 
-from service.dynamics.reduction.geometry.loop import Loop, ball
+from service.dynamics.formula.algebras.ball import ball
+from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.grid_minima import (
     SAME_MINIMUM_DISTANCE,
     GridMinima,

@@ -5,13 +5,14 @@ from dataclasses import dataclass
 from flint import arb
 
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import (
     PlanarMotion,
     StartAtEquator,
     StartAtPoint,
     StartAtRest,
 )
-from service.dynamics.reduction.geometry.loop import ball, start_g3_sign
+from service.dynamics.reduction.geometry.loop import start_g3_sign
 from service.dynamics.reduction.window import Arc, Window
 
 EQUILIBRIUM_DISTANCE = 1e-12

@@ -28,11 +28,12 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.compatibility import pde_residual
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.families.general_solution import GeneralPotential
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.geometry.loop import Loop, ball
+from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.window import Arc
 from service.dynamics.verdict.exact_ring.generators import Element
 from service.dynamics.verdict.exact_ring.layout import (

@@ -10,8 +10,8 @@ from fractions import Fraction
 import pytest
 from flint import arb, ctx
 
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula
 

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 from flint import arb
 
-from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.formula.algebras.ball import ball
 from workers.solvers.closed_form.lame import equator
 
 

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 from flint import acb, arb, ctx
 
-from service.dynamics.reduction.geometry.loop import Loop, ball
+from service.dynamics.formula.algebras.ball import ball
+from service.dynamics.reduction.geometry.loop import Loop
 
 
 @dataclass(frozen=True, slots=True)

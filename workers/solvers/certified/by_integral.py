@@ -7,10 +7,11 @@ from functools import cached_property
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.geometry.loop import Loop, ball
+from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.start import StartingPoint, starting_point
 from service.dynamics.reduction.window import Arc, Window, require_known_ends
 from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows

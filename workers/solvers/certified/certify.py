@@ -11,11 +11,12 @@ from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import largest
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.motion import EnclosureMethod
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, StateMotion
-from service.dynamics.reduction.geometry.loop import ball, make_loop
+from service.dynamics.reduction.geometry.loop import make_loop
 from workers.solvers.assembly.families import SYMMETRIC_POLE_PASSAGE
 from workers.solvers.certified.by_integral import FindArc, motion_by_integral, periodic_window
 from workers.solvers.certified.elliptic_start import elliptic_motion

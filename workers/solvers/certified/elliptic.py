@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 from flint import arb, ctx
 
-from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.formula.algebras.ball import ball
 from workers.solvers.three_terms.intervals import MotionInterval, RootsUndecidedError
 from workers.solvers.three_terms.variables import MirrorImage, trip_time
 

@@ -7,9 +7,9 @@ proven inequalities of the roots alone. What they do not decide is left open.
 from flint import arb
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.potentials.recognition.three_terms import ThreeTerms
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
-from service.dynamics.reduction.geometry.loop import ball
 from workers.solvers.certified.elliptic import EllipticMotion, make_elliptic_motion
 from workers.solvers.three_terms.intervals import MotionInterval, intervals, make_curve
 from workers.solvers.three_terms.variables import MirrorImage, phase_at, primed_nu

@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 
 from flint import arb
 
-from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.tape import Instruction, Tape
 from service.dynamics.reduction.geometry.height import c_squared_ball, log_sine_ball
-from service.dynamics.reduction.geometry.loop import Loop, ball
+from service.dynamics.reduction.geometry.loop import Loop
 from workers.solvers.complex_plane.complex_loop import MANY, geometric
 
 _Step = tuple[Callable[[arb, arb], arb], int, int]

@@ -22,7 +22,7 @@ from workers.solvers.assembly.dense import nothing_resolved, resolve_motion
 from workers.solvers.classical.curve import Curve
 from workers.solvers.classical.momentum import Momentum
 from workers.solvers.evidence import with_claim_raised
-from workers.solvers.integration.solve import integrate_state
+from workers.solvers.integration.solve import integrate_from
 
 FloatArray = NDArray[np.float64]
 
@@ -57,11 +57,11 @@ def solve_classical(problem: Problem, *, integrates: bool) -> Motion:
     Raises
     ------
     CaseError classes, AccuracyNotMetError, DynamicsError
-        As :func:`.place` and :func:`.integrate_state` do.
+        As :func:`.place` and :func:`.integrate_from` do.
     """
     placed = place_motion(problem)
     if integrates or (placed.loop is None and placed.case.form == "hess"):
-        motion = _integrated(problem, placed)
+        motion = integrate_from(problem, placed.start.omega, placed.start.gamma)
     elif placed.case.form == "steady":
         motion = _steady(problem, placed)
     elif placed.case.form == "hess":
@@ -69,20 +69,6 @@ def solve_classical(problem: Problem, *, integrates: bool) -> Motion:
     else:
         motion = _of_loop(problem, placed)
     return _with_relations(placed, motion)
-
-
-def _integrated(problem: Problem, placed: Placed) -> Motion:
-    times = sample_times(problem.time, None)
-    omega, gamma = placed.start.omega, placed.start.gamma
-    return integrate_state(
-        problem.body,
-        problem.potential,
-        omega,
-        gamma,
-        times.doubles,
-        tolerance=problem.tolerance,
-        low_parts=times.low_parts,
-    )
 
 
 def _steady(problem: Problem, placed: Placed) -> Motion:

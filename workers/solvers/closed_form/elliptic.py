@@ -30,7 +30,7 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.solution.dense_output import EPSILON, Period, reduce_time
 from workers.solvers.three_terms.intervals import MotionInterval, RootsUndecidedError
 from workers.solvers.three_terms.variables import MirrorImage, Variables, moduli

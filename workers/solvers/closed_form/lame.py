@@ -19,7 +19,7 @@ from typing import Literal
 
 from flint import acb, arb, ctx
 
-from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.formula.algebras.ball import ball
 from workers.solvers.three_terms.variables import incomplete_first_kind
 
 Stability = Literal["stable", "unstable", "edge"]

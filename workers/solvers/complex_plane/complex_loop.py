@@ -26,12 +26,13 @@ from typing import NamedTuple, TypeVar
 from flint import acb, arb, ctx
 
 from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, PowerSum, Small
 from service.dynamics.formula.programs import OFTEN, Kind, Way
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.traces import Traced, Tracer
-from service.dynamics.reduction.geometry.loop import Loop, ball
+from service.dynamics.reduction.geometry.loop import Loop
 from workers.solvers.complex_plane.questions import BEND, SLOPE, VALUE, PlaneQuestion
 
 T = TypeVar("T")

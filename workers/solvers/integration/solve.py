@@ -14,6 +14,8 @@ from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import energy_integral
 from service.dynamics.motion import COLUMNS, Estimate, Motion
 from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import Problem
+from service.dynamics.sampling import sample_times
 from service.dynamics.solution.dense_output import DenseOutput
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.evidence import COVERED, DEFECT, DRIFT, with_claim_raised
@@ -43,6 +45,22 @@ GROWTH = "grown_errors"
 """Key of the evidence: what errors that a run makes on its way have grown to, a part of the claim."""
 FIRST_TOLERANCE_SHARE = 0.01
 """Local tolerance of the first try in parts of the tolerance: errors of some hundred steps add up."""
+
+
+def integrate_from(
+    problem: Problem, omega: Sequence[Fraction | float], gamma: Sequence[Fraction | float]
+) -> Motion:
+    """Integrate from a state to the times of a problem, to its tolerance: see :func:`integrate_state`."""
+    times = sample_times(problem.time, None)
+    return integrate_state(
+        problem.body,
+        problem.potential,
+        omega,
+        gamma,
+        times.doubles,
+        tolerance=problem.tolerance,
+        low_parts=times.low_parts,
+    )
 
 
 def integrate_state(

@@ -25,7 +25,7 @@ Number = TypeVar("Number", float, arb, FloatArray)
 MAX_POLE_DISTANCE = 0.25
 """Largest δ."""
 MAX_HALVINGS = 60
-LOGARITHMIC = 8
+MAX_LOGARITHMIC_UNIT = 8
 """Largest n where there are logarithms: at the nodes next to a pole xⁿ is known to half of 160 bits."""
 
 
@@ -155,4 +155,4 @@ def _unit(loop: Loop, side: int) -> int:
     resonant = [-client * m if loop.mirrored else m for m in powers]
     divisor = lcm(alpha.denominator, *(exponent.denominator for exponent in own))
     has_logarithms = not powers or any(m > 0 and m.denominator == 1 for m in resonant)
-    return min(smooth_unit(alpha), LOGARITHMIC) if has_logarithms else divisor
+    return min(smooth_unit(alpha), MAX_LOGARITHMIC_UNIT) if has_logarithms else divisor

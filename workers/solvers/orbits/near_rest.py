@@ -24,7 +24,8 @@ from typing import Literal
 
 from flint import arb, ctx
 
-from service.dynamics.reduction.geometry.loop import Loop, LoopPoint, ball
+from service.dynamics.formula.algebras.ball import ball
+from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
 from service.dynamics.reduction.root_finding.gap import NearRest, box_about, factor_R, slopes
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Arc

@@ -20,8 +20,9 @@ from math import inf, nextafter
 
 from flint import arb, ctx
 
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.motion import Estimate
-from service.dynamics.reduction.geometry.loop import Loop, ball
+from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.solution.dense_output import Advance
 from workers.solvers.quadrature.time_map import make_time_map

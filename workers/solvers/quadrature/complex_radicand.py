@@ -19,10 +19,10 @@ from typing import Any, Generic, TypeVar  # Any: a question is answered in every
 from flint import acb, arb
 
 from service.dynamics.formula.algebra import Algebra
-from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.tape import Tape
-from service.dynamics.reduction.geometry.loop import Loop, ball
+from service.dynamics.reduction.geometry.loop import Loop
 from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace
 from workers.solvers.complex_plane.passage import drops_matter
 from workers.solvers.complex_plane.questions import PlaneQuestion, Values

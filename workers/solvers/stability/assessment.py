@@ -29,8 +29,8 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.solution.dense_output import EPSILON, UNIT_ROUNDOFF, Period
 from workers.solvers.errors import PrecisionLostError

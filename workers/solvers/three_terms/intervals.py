@@ -21,8 +21,8 @@ from typing import Literal
 from flint import arb
 
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.potentials.recognition.three_terms import ThreeTerms
-from service.dynamics.reduction.geometry.loop import ball
 
 
 class RootsUndecidedError(DynamicsError):

@@ -13,7 +13,7 @@ import numpy as np
 from flint import acb, arb
 from numpy.typing import NDArray
 
-from service.dynamics.reduction.geometry.loop import ball
+from service.dynamics.formula.algebras.ball import ball
 from workers.solvers.three_terms.intervals import MotionInterval
 
 FloatArray = NDArray[np.float64]

@@ -16,6 +16,11 @@ _FUNCTIONS: dict[str, Callable[[arb], arb]] = {
 }
 
 
+def ball(value: Fraction) -> arb:
+    """Return the ball of a rational at the current precision."""
+    return arb(fmpq(value.numerator, value.denominator))
+
+
 class BallAlgebra:
     """``arb`` balls; NaN as soon as the argument's ball leaves the domain.
 

@@ -12,29 +12,30 @@ from functools import lru_cache
 from itertools import pairwise
 from math import ceil
 
-from flint import arb, arb_mat, ctx, fmpq
+from flint import arb, arb_mat, ctx
 
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.potentials.angular_part.balls import angular_balls, curve_ball
 from service.dynamics.potentials.angular_part.field import AngularField, AngularJet
 
-SMOOTH = 16
+LEAST_SMOOTH_EXPONENT = 16
 """Least exponent of x that is not whole, or goes with a logarithm: coefficients fall like k^-33 there."""
-NODES = 40
-TAIL, LEFT_OUT = 4, 4
+SERIES_NODES = 40
+TAIL_TERMS, TAIL_FACTOR = 4, 4
 """Number of the last coefficients of a series; how many times their sum what it leaves out may add up to."""
-BETWEEN = (Fraction(-7, 10), Fraction(3, 10))
+CHECKED_POINTS = (Fraction(-7, 10), Fraction(3, 10))
 """Places in a piece, none a node, where a series is compared with the integral."""
-SEEN = 4
+UNSEEN_DEPARTURE_FACTOR = 4
 """Largest departure between the places that are looked at, in parts of the largest departure at them."""
-NARROWEST = 2.0**-10
+SHORTEST_PIECE = 2.0**-10
 """Length of pieces, in parts of those at first, that are not halved: there V1 stays an integral."""
-BITS, SPARE = 80, 20
+SERIES_BITS, SPARE_BITS = 80, 20
 """Bits to which a series is wanted, and by how many more its integrals are computed."""
 
 
 def smooth_unit(alpha: Fraction) -> int:
-    """Return n for α > 1: all powers of x = σ^(1/n) are whole, or at least SMOOTH."""
-    return alpha.denominator * ceil(SMOOTH / (2 * (alpha - 1) * alpha.denominator))
+    """Return n for α > 1: all powers of x = σ^(1/n) are whole, or at least LEAST_SMOOTH_EXPONENT."""
+    return alpha.denominator * ceil(LEAST_SMOOTH_EXPONENT / (2 * (alpha - 1) * alpha.denominator))
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,7 @@ class LoopCurve:
 
     def gamma(self, log_sigma: arb) -> tuple[arb, arb]:
         """Return |g1| and |g3| in the client's axes."""
-        first = self.G * (_ball(self.alpha) * log_sigma).exp()
+        first = self.G * (ball(self.alpha) * log_sigma).exp()
         third = self.Z * log_sigma.exp()
         return (third, first) if self.mirrored else (first, third)
 
@@ -81,13 +82,9 @@ class CurveField(AngularField):
         return self.jet(g1, g3, self.F.ball(curve_ball(self.body, g1, g3), 0), (value,))
 
     def _series_at(self, x: float) -> tuple[Piece, tuple[arb, ...]] | None:
-        n = smooth_unit(self.curve.alpha)
-        marks = [1.0]
-        # About twice as far in the logarithm of σ each time.
-        while marks[0] > 0.5:
-            marks.insert(0, 2.0 ** -(2.0 * (2 ** len(marks) - 1) / n))
-        left, right = next(((a, b) for a, b in pairwise([0.0, *marks]) if x <= b), (marks[-2], marks[-1]))
-        least = NARROWEST * (right - left)
+        whole = _whole_pieces(smooth_unit(self.curve.alpha))
+        left, right = next((piece for piece in whole if x <= piece[1]), whole[-1])
+        least = SHORTEST_PIECE * (right - left)
         while right - left > least:
             if (left, right) not in self.pieces:
                 self.pieces[left, right] = self._series(left, right)
@@ -107,32 +104,47 @@ class CurveField(AngularField):
             place = self.curve.gamma(n * (middle + half * y).log())
             return angular_balls(self.body, self.F, 0, *place, self.angle())[0]
 
-        with ctx.workprec(BITS + SPARE):
+        with ctx.workprec(SERIES_BITS + SPARE_BITS):
             nodes, transform = _rule(ctx.prec)
             found = (transform * arb_mat([[integral(y)] for y in nodes])).entries()
             # Radii would grow by 1 + √2 for each coefficient of a sum.
             series = tuple(value.mid() for value in found)
-            tail = sum(map(abs, series[-TAIL:]), arb(0))
+            tail = sum(map(abs, series[-TAIL_TERMS:]), arb(0))
             # V1 is wanted to the accuracy of F, to which it is added.
             w = curve_ball(self.body, *self.curve.gamma(arb(0)))
             size = max(map(abs, series)) + abs(self.F.ball(w, 0)[0])
-            if not tail <= size * arb(2) ** -BITS:
+            if not tail <= size * arb(2) ** -SERIES_BITS:
                 return None
-            apart = max(abs(_sum(series, y) - integral(y)).upper() for y in map(_ball, BETWEEN))
-            error = sum((value.rad() for value in found), LEFT_OUT * tail + SEEN * apart)
+            apart = max(abs(_sum(series, y) - integral(y)).upper() for y in map(ball, CHECKED_POINTS))
+            error = sum(
+                (value.rad() for value in found), TAIL_FACTOR * tail + UNSEEN_DEPARTURE_FACTOR * apart
+            )
         return series[0] + arb(0, error.upper()), *series[1:]
 
 
 @lru_cache(maxsize=8)
+def _whole_pieces(n: int) -> tuple[Piece, ...]:
+    """Return the pieces of 0 ≤ x ≤ 1 before any is halved, for x = σ^(1/n)."""
+    marks = [1.0]
+    # About twice as far in the logarithm of σ each time.
+    while marks[0] > 0.5:
+        marks.insert(0, 2.0 ** -(2.0 * (2 ** len(marks) - 1) / n))
+    return tuple(pairwise([0.0, *marks]))
+
+
+@lru_cache(maxsize=8)
 def _rule(precision: int) -> tuple[tuple[arb, ...], arb_mat]:
-    """Return the zeros of T_N, N = NODES, and the matrix from values there to coefficients."""
+    """Return the zeros of T_N, N = SERIES_NODES, and the matrix from values there to coefficients."""
     with ctx.workprec(precision):
-        cosines = [(arb(k) / (2 * NODES)).cos_pi() for k in range(4 * NODES)]
+        cosines = [(arb(k) / (2 * SERIES_NODES)).cos_pi() for k in range(4 * SERIES_NODES)]
         table = [
-            [cosines[k * (2 * j + 1) % (4 * NODES)] * (2 if k else 1) / NODES for j in range(NODES)]
-            for k in range(NODES)
+            [
+                cosines[k * (2 * j + 1) % (4 * SERIES_NODES)] * (2 if k else 1) / SERIES_NODES
+                for j in range(SERIES_NODES)
+            ]
+            for k in range(SERIES_NODES)
         ]
-        return tuple(cosines[1 : 2 * NODES : 2]), arb_mat(table)
+        return tuple(cosines[1 : 2 * SERIES_NODES : 2]), arb_mat(table)
 
 
 def _sum(series: tuple[arb, ...], y: arb) -> arb:
@@ -141,7 +153,3 @@ def _sum(series: tuple[arb, ...], y: arb) -> arb:
     for value in series[:0:-1]:
         first, second = twice * first - second + value, first
     return series[0] + y * first - second
-
-
-def _ball(value: Fraction) -> arb:
-    return arb(fmpq(value.numerator, value.denominator))

@@ -6,13 +6,12 @@ An integrator that is left alone with a kink halves its way to it, at several ti
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from functools import lru_cache
 
-from flint import acb, arb, ctx, fmpq
+from flint import acb, arb, ctx
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.rewriting import copied, with_signs
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.angular_part.curve_function import CurveFunction
@@ -116,12 +115,12 @@ def angular_balls(
     NaN where the balls of g1 or g3 contain zero, and where F is undefined
     anywhere between the reference direction and the point.
     """
-    alpha = _ball(body.alpha)
+    alpha = ball(body.alpha)
     squares = g1 * g1, g3 * g3
     zeta, rho = squares[1] / squares[0], squares[0] + squares[1]
     if not (zeta.is_finite() and zeta > 0):
         return (arb("nan"),) * (order + 1)
-    scale = ((_ball(abs(body.A - body.C)) * rho).log() * (alpha - 1)).exp()
+    scale = ((ball(abs(body.A - body.C)) * rho).log() * (alpha - 1)).exp()
     T = (alpha * squares[0] + squares[1]) / rho
     start = reference_angle.tan() ** 2
     powers = powers_of(function.tape, body.alpha)
@@ -129,7 +128,7 @@ def angular_balls(
         parts = {m: angular_of_power(m, body.alpha, scale, start, zeta) for m in powers}
         # θ multiplies w^m by m.
         return tuple(
-            sum((powers[m] * _ball(m**k) * part for m, part in parts.items()), arb(0))
+            sum((powers[m] * ball(m**k) * part for m, part in parts.items()), arb(0))
             for k in range(order + 1)
         )
     paths = [_Path(function, k, alpha, 1 - alpha, scale, start, zeta) for k in range(order + 1)]
@@ -145,9 +144,9 @@ def angular_balls(
 
 def curve_ball(body: RigidBody, g1: arb, g3: arb) -> arb:
     """Return the enclosure of w, NaN where the ball of g1 or g3 contains zero."""
-    alpha = _ball(body.alpha)
+    alpha = ball(body.alpha)
     return (
-        (alpha - 1) * _ball(abs(body.A - body.C)).log() + 2 * (alpha * abs(g3).log() - abs(g1).log())
+        (alpha - 1) * ball(abs(body.A - body.C)).log() + 2 * (alpha * abs(g3).log() - abs(g1).log())
     ).exp()
 
 
@@ -264,7 +263,3 @@ def _split(path: _Path, start: arb, end: arb) -> Iterator[tuple[_Path | None, ar
         here = min(max(above, stop), last)
         yield None, stop, here
     yield None, here, last
-
-
-def _ball(value: Fraction) -> arb:
-    return arb(fmpq(value.numerator, value.denominator))

@@ -15,9 +15,9 @@ from collections.abc import Mapping
 from fractions import Fraction
 from functools import lru_cache
 
-from flint import arb, ctx, fmpq
+from flint import arb, ctx
 
-from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.algebras.power_sums import ONE, PowerAlgebra, PowerSum, Small
 from service.dynamics.formula.tape import Tape
 
@@ -49,7 +49,7 @@ def _powers_at(tape: Tape, alpha: Fraction, bits: int) -> Mapping[Fraction, arb]
 
 def angular_of_power(m: Fraction, alpha: Fraction, scale: arb, start: arb, zeta: arb) -> arb:
     """Return V1[w^m] at the direction ``zeta``, 0 at ``start``; ``scale`` is (|A − C| ρ)^(α−1)."""
-    a, power = _ball(alpha), _ball(m)
+    a, power = ball(alpha), ball(m)
     turned = (a + zeta) / (1 + zeta) * (1 + start) / (a + start)
     difference = _from_axis(power, a, zeta) - turned * _at_start(m, alpha, _Exact(start), ctx.prec)
     return (1 - a) * (power * scale.log()).exp() * difference
@@ -73,7 +73,7 @@ class _Exact:
 def _at_start(m: Fraction, alpha: Fraction, start: _Exact, bits: int) -> arb:
     """Return the right-hand side above at the direction at which V1 vanishes."""
     with ctx.workprec(bits):
-        return _from_axis(_ball(m), _ball(alpha), start.ball)
+        return _from_axis(ball(m), ball(alpha), start.ball)
 
 
 def _from_axis(m: arb, alpha: arb, zeta: arb) -> arb:
@@ -81,7 +81,3 @@ def _from_axis(m: arb, alpha: arb, zeta: arb) -> arb:
     e = alpha * m + 1
     size = (e * zeta.log() + (1 - alpha) * m * zeta.log1p()).exp() / (alpha * e)
     return size * (-zeta).hypgeom_2f1(arb(2), m + 1, e + 1)
-
-
-def _ball(value: Fraction) -> arb:
-    return arb(fmpq(value.numerator, value.denominator))

@@ -38,7 +38,7 @@ Quadrant = Literal["pp", "mp", "pm", "mm"]
 """The signs of g1 and g3, plus or minus."""
 QUADRANTS: tuple[Quadrant, ...] = get_args(Quadrant)
 SIGNS: dict[Quadrant, tuple[int, int]] = {"pp": (1, 1), "mp": (-1, 1), "pm": (1, -1), "mm": (-1, -1)}
-KNOWN = 64
+MIN_KNOWN_BITS = 64
 """Bits of D below which a value along a curve is that of the integral."""
 
 
@@ -227,7 +227,9 @@ class AlongCurve(GeneralPotential):
     def value_and_D_ball(self, g1: arb, g2: arb, g3: arb) -> tuple[arb, arb]:
         """See Potential.value_and_D_ball; next to a rest, where D vanishes, V1 is an integral."""
         value, D = GeneralPotential.value_and_D_ball(self, g1, g2, g3)
-        return (value, D) if D.rel_accuracy_bits() >= KNOWN else self.exact.value_and_D_ball(g1, g2, g3)
+        return (
+            (value, D) if D.rel_accuracy_bits() >= MIN_KNOWN_BITS else self.exact.value_and_D_ball(g1, g2, g3)
+        )
 
 
 def along_curve(potential: GeneralPotential, curve: LoopCurve) -> AlongCurve:

@@ -24,12 +24,12 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 import numpy as np
-from flint import arb, ctx, fmpq
+from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
-from service.dynamics.formula.algebras.ball import DomainBalls
+from service.dynamics.formula.algebras.ball import DomainBalls, ball
 from service.dynamics.formula.tape import Instruction
 from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.potentials.potential import FormulaPotential, Potential
@@ -291,11 +291,6 @@ def _has_bounded_curvature(potential: Potential, pole: int) -> bool:
         return False
     slope = 1 + max(float(abs(entry).upper()) for entry in entries)
     return all(float(slot.rad()) < 16.0 * BOX * slope for slot in first)
-
-
-def ball(value: Fraction) -> arb:
-    """Return the ball of a rational at the current precision."""
-    return arb(fmpq(value.numerator, value.denominator))
 
 
 def _log_lambda(loop: Loop) -> arb:

@@ -20,8 +20,9 @@ from dataclasses import dataclass
 from flint import arb, ctx
 
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.reduction.geometry.loop import Loop, LoopPoint, ball
+from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
 
 MAX_GAP_BITS = 1 << 18
 """Largest precision in bits: enough to distinguish exp(−100000) from 0."""

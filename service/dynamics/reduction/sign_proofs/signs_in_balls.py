@@ -6,11 +6,10 @@ from math import inf, pi
 
 from flint import arb
 
-from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.algebras.long_intervals import LongInterval, LongIntervalAlgebra
 from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.geometry.height import c_squared_range, log_sine_ball
-from service.dynamics.reduction.geometry.loop import ball
 from service.dynamics.reduction.geometry.slopes import SecondScale, derivatives_along, rates_along
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Region, enclose_zero
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN

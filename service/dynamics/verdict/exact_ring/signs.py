@@ -11,6 +11,7 @@ from fractions import Fraction
 
 from flint import arb, ctx, fmpq, fmpq_mpoly
 
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.verdict.exact_ring.generators import (
     Coordinate,
     Element,
@@ -163,10 +164,7 @@ class Signs:
         """Return the sign at one point inside the octant, 0 if it is not certain there."""
         for bits in _PRECISIONS:
             with ctx.workprec(bits):
-                g1, g2, g3 = (
-                    sign * arb(fmpq(g.numerator, g.denominator))
-                    for sign, g in zip(self._ring.signs, _POINT, strict=True)
-                )
+                g1, g2, g3 = (sign * ball(g) for sign, g in zip(self._ring.signs, _POINT, strict=True))
                 sign = _sign(GeneratorValues(self._ring, (g1, g2, g3)).element(element))
             if sign:
                 return sign

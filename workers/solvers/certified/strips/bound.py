@@ -23,8 +23,8 @@ from math import cosh, exp, factorial, sinh
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
-from service.dynamics.reduction.geometry.loop import ball
 from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 from workers.solvers.certified.strips.algebra import Strip
 from workers.solvers.certified.strips.series import INFLATED, LEAST_REACH, ULP, Series
