@@ -10,7 +10,7 @@ import pytest
 from llvmlite import binding
 
 import workers
-from workers.computation.compiled_code import FOLDER_VARIABLE
+from service.local.worker_process import FOLDER_VARIABLE
 from workers.solvers.compiled.linking import LEVELS, level
 
 ROOT = Path(workers.__path__[0]).parent
