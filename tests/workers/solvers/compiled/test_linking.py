@@ -10,8 +10,8 @@ import pytest
 from llvmlite import binding
 
 import workers
+from service.local.worker_process import FOLDER_VARIABLE
 from tests.support.effort import one_in
-from workers.computation.compiled_code import FOLDER_VARIABLE
 from workers.solvers.compiled.linking import LEVELS, level
 
 ROOT = Path(workers.__path__[0]).parent
