@@ -109,6 +109,8 @@ def ask(recorder: Recorder) -> None:
     record("submit_job", "a job", "POST", "/v1/jobs", CERTIFIED)
     job = record("submit_job", "finished in time", "POST", "/v1/jobs", PROBLEM, Prefer="wait=60")
     record("submit_job", "of a list", "POST", "/v1/jobs", [PROBLEM, {**PROBLEM, "body": {"A": 0, "C": 1}}])
+    record("submit_job", "an estimate", "POST", "/v1/jobs?estimate=true", CERTIFIED)
+    record("submit_sweep", "an estimate", "POST", "/v1/sweeps?estimate=true", SWEEP)
     certified = record("", "", "POST", "/v1/jobs", CERTIFIED, Prefer="wait=60")
     solution = f"/v1/solutions/{job['solution']}"
     record("get_job", "finished", "GET", f"/v1/jobs/{job['id']}")

@@ -12,12 +12,13 @@ from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
-from service.api.middleware.heavy_answers import listed
+from service.api.middleware.heavy_answers import listed, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import AskingQuery, Listing, PageQuery, page_answer, read_listing
-from service.api.queries.queries import Asked, asked_of, query_parameters, without_query
+from service.api.queries.queries import Asked, QueryModel, asked_of, query_of, query_parameters, without_query
 from service.api.replies.records import sweep_out, sweep_state_out
 from service.api.replies.responses import SweepId, json_response, refusals
+from service.api.submission import ESTIMATE_WORK, estimate_sweep
 from service.jobs.chunking import largest_chunk
 from service.jobs.keys import ApiKey
 from service.jobs.records import Job, JobState, SweepRecord
@@ -25,7 +26,7 @@ from service.jobs.store import GivenKey
 from service.schemas.query.conditions import in_state
 from service.schemas.reading.annotation import split_annotation
 from service.schemas.reading.documents import Document, Fault, Part
-from service.schemas.replies.analysis import QueryEstimateOut
+from service.schemas.replies.analysis import CostEstimateOut, QueryEstimateOut
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
 from service.schemas.sweep.reading import InvalidSweepError, read_sweep
@@ -68,26 +69,42 @@ class SweepsQuery(PageQuery):
     state: JobState | None = Field(default=None, description="Only sweeps in this state.")
 
 
+class SubmitSweepQuery(QueryModel):
+    """The wish for an estimate."""
+
+    estimate: bool = Field(default=False, description=ESTIMATE_WORK)
+
+
 @router.post(
     "",
     response_model=SweepOut,
     status_code=HTTPStatus.ACCEPTED,
-    responses=refusals(400, 408, 409, 413, 415, 503),
-    openapi_extra=request_body("SweepIn", EXAMPLES),
-    dependencies=[without_query],
+    responses={
+        200: {"model": CostEstimateOut, "description": "With `estimate`: the estimate"},
+        **refusals(400, 408, 409, 413, 415, 503),
+    },
+    openapi_extra={**request_body("SweepIn", EXAMPLES), **query_parameters(SubmitSweepQuery)},
 )
 async def submit_sweep(
     request: Request,
     content: Body,
     inside: Inside,
     holder: Holder,
+    query: Annotated[SubmitSweepQuery, Depends(query_of(SubmitSweepQuery))],
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Check a sweep and queue its first points; the others follow as those are done.
 
     The base must be a problem with the first value of each axis. Whether a
-    point has a motion is known when the point is computed.
+    point has a motion is known when the point is computed. With `estimate=true`
+    nothing is queued: the answer tells what the sweep would cost.
     """
+    if query.estimate:
+        document, sweep = await inside.reading.run(len(content), _checked, content, inside.settings)
+        check_priority(holder, int(document.get("priority", 0)), "/priority")
+        admit = partial(inside.limits.reserve_points, holder, sweep.points, is_estimate=True)
+        await run_in_threadpool(admit)
+        return json_response(await while_connected(request, estimate_sweep(inside, sweep, holder)))
     given = read_key(idempotency_key, request, content, holder)
 
     async def work() -> Response:
