@@ -150,6 +150,18 @@ def ask(recorder: Recorder) -> None:
     record("get_grid", "a row", "GET", f"{path}/grid?of=period")
     record("list_sweeps", "a page", "GET", "/v1/sweeps?limit=1")
     record("list_sweep_jobs", "a page", "GET", f"{path}/jobs?limit=1")
+    lists = {
+        "list_jobs": "/v1/jobs?limit=1",
+        "list_atlases": "/v1/atlases?limit=1",
+        "list_solutions": "/v1/solutions?limit=1",
+        "list_audits": f"{audits}?limit=1",
+        "list_problem_solutions": f"/v1/problems/{digest}/solutions?limit=1",
+        "list_sweeps": "/v1/sweeps?limit=1",
+        "list_sweep_jobs": f"{path}/jobs?limit=1",
+    }
+    for operation, place in lists.items():
+        for media_type in (CSV, NDJSON):
+            record(operation, "a row", "GET", place, Accept=media_type)
     for media_type in (JSON, CSV, NDJSON):
         record("get_points", "two points", "GET", f"{path}/points", Accept=media_type)
     record("get_point_facets", "outcomes", "GET", f"{path}/points/facets?by=outcome")

@@ -19,6 +19,7 @@ RATE = "rate"
 """In the state of a request: the headers that tell of the limit of requests."""
 
 _SANE_ID = re.compile(r"[A-Za-z0-9._:-]{1,128}")
+_ABSOLUTE = re.compile(r"https?://(?P<authority>[^/?#@\s]+)", re.ASCII | re.IGNORECASE)
 _METHODS = frozenset({"GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"})
 _QUIET = ("/livez", "/readyz", "/metrics")
 """Polled often by machines, so logged less."""
@@ -35,6 +36,7 @@ class Observation:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        _read_absolute_form(scope)
         request_id = _id_of(Headers(scope=scope))
         scope.setdefault("state", {})["request_id"] = request_id
         status = 500  # an unhandled error: an outer layer makes the answer
@@ -52,6 +54,18 @@ class Observation:
                 await self._app(scope, receive, send_with_id)
             finally:
                 _observe(scope, status, time.perf_counter() - began)
+
+
+def _read_absolute_form(scope: Scope) -> None:
+    """Read a target such as ``http://host/v1/jobs``, whose authority replaces Host (RFC 9112, 3.2.2)."""
+    found = _ABSOLUTE.match(scope["path"])
+    if found is None:
+        return
+    scope["path"] = scope["path"][found.end() :] or "/"
+    raw = scope.get("raw_path") or b""
+    scope["raw_path"] = raw[found.end() :] or b"/"
+    headers = [(name, value) for name, value in scope["headers"] if name != b"host"]
+    scope["headers"] = [*headers, (b"host", found["authority"].encode())]
 
 
 def standing_headers(scope: Scope) -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from functools import partial
 from http import HTTPStatus
 from typing import Annotated
 
@@ -13,10 +12,11 @@ from starlette.concurrency import run_in_threadpool
 from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
+from service.api.formats.lists import ListedRows, list_responses
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.heavy_answers import listed, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.lists import Listing, PageQuery, page_answer, read_listing
+from service.api.queries.lists import PageQuery, read_listing
 from service.api.queries.prefer import Prefer, wait_seconds
 from service.api.queries.queries import (
     Asked,
@@ -224,8 +224,7 @@ def _list_submitted(answers: Sequence[Submission | ApiError], made: Sequence[Job
 
 @router.get(
     "",
-    response_model=JobPageOut | QueryEstimateOut,
-    responses=refusals(),
+    responses=list_responses(JobPageOut | QueryEstimateOut),
     openapi_extra=query_parameters(JobsQuery),
 )
 async def list_jobs(
@@ -234,13 +233,12 @@ async def list_jobs(
     """List jobs, newest first or as asked."""
     # What is wrong is told without a thread, of which a slow database may leave none.
     listing = read_listing(asked, OF_JOB_ROWS, conditions=in_state(asked.parameters.state))
-    return await listed(request, inside, listing, partial(jobs_page, request, listing, inside.jobs.find))
+    return await listed(request, inside, listing, jobs_listed(inside.jobs.find))
 
 
-def jobs_page(request: Request, listing: Listing, find: Callable[[ListQuery], JobPage]) -> Response:
-    """Return the answer with one page of jobs, whatever they do."""
-    page = find(listing.query)
-    return page_answer(request, listing, JobPageOut, page, list(map(job_out, page.jobs)))
+def jobs_listed(find: Callable[[ListQuery], JobPage]) -> ListedRows[JobPage]:
+    """Return a list of jobs, whatever they do."""
+    return ListedRows(JobPageOut, find, lambda page: list(map(job_out, page.jobs)))
 
 
 @router.get("/{job_id}", response_model=JobOut, responses=refusals(404), dependencies=[without_query])

@@ -59,7 +59,8 @@ class JobPageOut(ResponseModel):
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
     next: str | None = Field(
-        description="Path and query of the next page, also in the header Link; null on the last one."
+        description="Query of the next page, to be resolved against the URL that was asked; also in the"
+        " header Link. Null on the last one."
     )
 
 
@@ -114,7 +115,8 @@ class ChunkJobPageOut(ResponseModel):
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
     next: str | None = Field(
-        description="Path and query of the next page, also in the header Link; null on the last one."
+        description="Query of the next page, to be resolved against the URL that was asked; also in the"
+        " header Link. Null on the last one."
     )
 
 
