@@ -99,8 +99,14 @@ def _answered(terms: Terms, request: Send) -> Operation[Reply]:
             reason, patience = f"HTTP status {reply.status}", terms.patience
             pause = max(pause, _retry_after(reply))
         if time.monotonic() - began + pause > patience:
+            by = (
+                ""
+                if terms.proxy is None
+                else f", asked by {terms.proxy}; hosts in NO_PROXY are asked without"
+            )
+            seconds = time.monotonic() - began
             raise UnreachableError(
-                f"{terms.url} has not answered for {time.monotonic() - began:.0f} s ({reason}); is a service"
+                f"{terms.url} has not answered for {seconds:.0f} s ({reason}{by}); is a service"
                 " running there? POLHODE_URL or connect(url) name another address"
             )
         yield Pause(pause)
