@@ -150,7 +150,9 @@ class LimitGuard:
                 known = self._counts[_id(key)] = _Count(jobs, now)
             if known.jobs + count > limit:
                 detail = f"{why(known.jobs, limit)}; at most {limit} are accepted"
-                raise _too_many("too_many_queued_jobs", detail, QUEUE_RETRY_SECONDS)
+                # What an empty queue would refuse has to be asked for in parts.
+                extras = {"exceeds_limit": True} if count > limit else {}
+                raise _too_many("too_many_queued_jobs", detail, QUEUE_RETRY_SECONDS, extras=extras)
             known.jobs += 0 if is_estimate else count
 
     def _check_storage(self, key: ApiKey | None) -> None:
@@ -190,9 +192,15 @@ def _too_many_samples(pointer: str, samples: int, settings: Settings) -> Fault:
     return Fault(pointer, "out_of_range", f"{samples} samples; 1 to {settings.max_samples} are accepted here")
 
 
-def _too_many(code: str, detail: str, seconds: float, headers: Mapping[str, str] = {}) -> ApiError:
+def _too_many(
+    code: str,
+    detail: str,
+    seconds: float,
+    headers: Mapping[str, str] = {},
+    extras: Mapping[str, object] = {},
+) -> ApiError:
     headers = {"Retry-After": str(math.ceil(seconds)), **headers}
-    return ApiError(HTTPStatus.TOO_MANY_REQUESTS, code, detail, headers=headers)
+    return ApiError(HTTPStatus.TOO_MANY_REQUESTS, code, detail, headers=headers, extras=extras)
 
 
 def _id(key: ApiKey | None) -> str | None:

@@ -17,6 +17,8 @@ logger = logging.getLogger(__name__)
 
 RATE = "rate"
 """In the state of a request: the headers that tell of the limit of requests."""
+ECHO = "Polhode-Echo"
+"""Header that is returned as it was sent. Ids do not tell whose an answer is: proxies set them."""
 
 _SANE_ID = re.compile(r"[A-Za-z0-9._:-]{1,128}")
 _ABSOLUTE = re.compile(r"https?://(?P<authority>[^/?#@\s]+)", re.ASCII | re.IGNORECASE)
@@ -37,8 +39,11 @@ class Observation:
             await self._app(scope, receive, send)
             return
         _read_absolute_form(scope)
-        request_id = _id_of(Headers(scope=scope))
+        sent = Headers(scope=scope)
+        request_id = _id_of(sent)
         scope.setdefault("state", {})["request_id"] = request_id
+        if _SANE_ID.fullmatch(echo := sent.get(ECHO, "")):
+            scope["state"][ECHO] = {ECHO: echo}
         status = 500  # an unhandled error: an outer layer makes the answer
         began = time.perf_counter()
 
@@ -69,11 +74,11 @@ def _read_absolute_form(scope: Scope) -> None:
 
 
 def standing_headers(scope: Scope) -> dict[str, str]:
-    """Return the headers of every answer: who answers, the request's id, and what the rate limit leaves."""
+    """Return the headers of every answer: who answers to which request, and what the rate limit leaves."""
     state = scope.get("state", {})
     request_id = state.get("request_id")
     named = {} if request_id is None else {REQUEST_ID: request_id}
-    return {"Server": server_name(), **named, **state.get(RATE, {})}
+    return {"Server": server_name(), **named, **state.get(ECHO, {}), **state.get(RATE, {})}
 
 
 def id_of(request: Request) -> str | None:

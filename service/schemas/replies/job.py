@@ -213,4 +213,7 @@ class ProblemDetailsOut(ResponseModel):
     checks: dict[str, str] = Field(description="With `not_ready`.")
     referrers: list[str] = Field(description="With `in_use`: paths of what refers to it, 100 at most.")
     needed_role: str = Field(description="With `role_insufficient`.")
+    exceeds_limit: Literal[True] = Field(
+        description="With `too_many_queued_jobs`: even an empty queue would not take so many at once."
+    )
     request_id: str = Field(description="Also in the header X-Request-ID, and in the log of the service.")
