@@ -4,9 +4,16 @@ import asyncio
 from html import unescape
 
 import numpy as np
+import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import polhode as ph
+from polhode import evaluation
+from service.dynamics.equations.orientation import trajectory_columns, trajectory_errors
+from service.dynamics.solution.dense_output import Advance, DenseOutput, Period
+from service.schemas.reading.numbers import LATEST
 
 PERIODIC = {
     "body": {"A": 2, "B": "3/2", "C": 1},
@@ -36,7 +43,7 @@ def served(service, motion, start, stop, samples):
 @pytest.mark.parametrize(
     ("problem", "spans"),
     [
-        (PERIODIC, [(0, 8, 65), (-1024, 1024, 129), (2**30, 2**30 + 16, 33)]),
+        (PERIODIC, [(0, 8, 65), (-1024, 1024, 129), (2**30, 2**30 + 16, 33), (1e15 - 8, 1e15, 65)]),
         (INTEGRATED, [(0, 5, 41)]),
     ],
     ids=["with orientation, over a period", "without a period"],
@@ -58,6 +65,76 @@ def test_times_that_were_not_computed_are_refused(connected):
     assert motion.period is None
     with pytest.raises(ph.WrongArgumentError, match="not known to be periodic"):
         motion.at(5.5)
+
+
+def test_what_is_evaluated_twice_has_the_same_limits_and_words(connected, base):
+    motion = connected.solve(base)
+    assert evaluation.LATEST == LATEST
+    for far in (2e15, -1e40):
+        with pytest.raises(ph.RefusedError) as told:
+            connected.solve(base, times=[far])
+        (fault,) = told.value.faults
+        with pytest.raises(ph.WrongArgumentError) as refused:
+            motion.at([0.0, far])
+        assert str(refused.value) == f"t = {far:.17g} is {fault.message}"
+    for nothing in (
+        float("nan"),
+        float("inf"),
+        None,
+        [0.0, None],
+        "1/2",
+        1j,
+        [[0, 1], [2]],
+        np.datetime64("now"),
+    ):
+        with pytest.raises(ph.WrongArgumentError, match="accepted"):
+            motion.at(nothing)
+
+
+def test_times_have_any_shape_and_any_type_of_numbers(connected, base):
+    motion = connected.solve(base)
+    grid = np.arange(6).reshape(2, 3)
+    samples = motion.at(grid)
+    assert (samples.t.shape, samples["g1"].shape, samples.omega.shape) == ((2, 3), (2, 3), (2, 3, 3))
+    assert len(samples) == len(samples.frame()) == 6
+    expected = motion.at([0.0, 1, 2, 3, 4, 5])
+    for each in (grid, grid.astype(np.longdouble), pd.Series(range(6), index=list("abcdef")), range(6)):
+        assert motion.at(each).gamma.reshape(6, 3).tolist() == expected.gamma.tolist()
+    assert motion.at(3).gamma.tolist() == expected.gamma[3:4].tolist()
+    assert motion.at([]).gamma.shape == (0, 3)
+
+
+PAIRS = st.tuples(st.floats(1e-3, 1e3), st.floats(-0.5, 0.5), st.sampled_from([0.0, 1e-30, 1e-16, 1e-9]))
+
+
+@given(PAIRS, PAIRS, st.lists(st.floats(-1e15, 1e15), min_size=1, max_size=4), st.integers(0, 2**32))
+def test_the_client_evaluates_and_claims_as_the_service_at_all_times(period, gained, times, seed):
+    names = ("p", "g1", *evaluation.LOCAL, "psi1")
+    hi, part, error = period
+    breaks = np.array([0.0, 0.3, 1.0]) * hi
+    coefficients = np.random.default_rng(seed).normal(size=(2, 7, 7)) / np.arange(1, 8)[:, None] ** 3
+    advance = gained[0], gained[1] * float(np.spacing(gained[0])), gained[2]
+    length = hi, part * float(np.spacing(hi)), error * hi
+    errors = {"psi1": 1e-12}
+    here = evaluation.FunctionOfTime(
+        names,
+        breaks,
+        coefficients,
+        evaluation.PairOfDoubles(*length),
+        1e-14,
+        errors,
+        {"psi1": evaluation.PairOfDoubles(*advance)},
+    )
+    there = DenseOutput(
+        names, breaks, coefficients, Period(*length), 1e-14, errors, {"psi1": Advance(*advance)}
+    )
+    asked = np.array(times)
+    told = trajectory_columns(there, asked, np.zeros(len(times)))
+    found = evaluation.columns_at(here, asked)
+    assert {name: each.tolist() for name, each in found.items()} == {
+        name: told[name].tolist() for name in found
+    }
+    assert evaluation.errors_at(here, asked) == trajectory_errors(there, asked)
 
 
 def test_numbers_carry_their_errors(connected, base, service):
@@ -202,7 +279,9 @@ def test_what_never_changes_is_asked_for_once(connected, base, service):
     motion.at(0.0)
     asked = []
     with ph.connect() as other:
-        other.carrier._http.event_hooks = {"request": [lambda request: asked.append(request.url.path)]}
+        other.carrier.connections.of().http.event_hooks = {
+            "request": [lambda request: asked.append(request.url.path)]
+        }
         again = other.solution(motion.id)
         assert again.frame().equals(first)
         assert again.at(3.5).gamma.tolist() == motion.at(3.5).gamma.tolist()

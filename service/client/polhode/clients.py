@@ -1,6 +1,7 @@
 """The clients: everything that can be asked of a service, for threads and for event loops."""
 
-from collections.abc import Callable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import update_wrapper
 from inspect import signature
 from types import TracebackType
@@ -11,8 +12,9 @@ from polhode.atlases import Atlas, atlas_question, draw, stored_atlas
 from polhode.documents.problems import DEFAULT_KEEP, Body, Document, Given, problem, question, sweep_document
 from polhode.documents.quantities import Exact, written
 from polhode.errors import FailedError, MissingError
-from polhode.jobs import WAIT_SECONDS, Job, motion_of, solve_list, submit
+from polhode.jobs import WAIT_SECONDS, Job, motion_of, submit
 from polhode.listings import Listing
+from polhode.lists import JobList, motions_of, stored_list, submit_list
 from polhode.motions import Motion
 from polhode.sweeps import Sweep
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
@@ -109,15 +111,44 @@ class Operations(Generic[CarrierT]):
         return Job(self.carrier, (yield from submit(self.carrier.terms, document, seconds=0)))
 
     @operation
-    def solve_all(self, problems: Sequence[Given]) -> Operation[list[Motion[CarrierT]]]:
+    def submit_all(self, problems: Iterable[Given], *, again: bool = False) -> Operation[JobList[CarrierT]]:
+        """Submit problems, however many, and return their jobs at once; ``errors`` has those refused.
+
+        Parameters
+        ----------
+        problems
+            Documents or files.
+        again
+            Submit all anew. If left out, a list that is submitted again within a day has the same jobs.
+        """
+        return (yield from submit_list(self.carrier, problems, again=again))
+
+    @operation
+    def solve_all(
+        self, problems: Iterable[Given], *, again: bool = False, seconds: float | None = None
+    ) -> Operation[list[Motion[CarrierT]]]:
         """Solve many problems and return their motions, in the same order.
+
+        Parameters
+        ----------
+        problems, again
+            As of :meth:`submit_all`.
+        seconds
+            How long to wait for the jobs.
 
         Raises
         ------
         SomeFailedError
             Not all have a motion; it has those that there are, and the errors of the others.
+        UnfinishedError
+            It took longer than ``seconds``; the jobs go on.
         """
-        return (yield from solve_list(self.carrier, [problem(each) for each in problems]))
+        listed = yield from submit_list(self.carrier, problems, again=again)
+        return (yield from motions_of(listed, seconds))
+
+    def stored_list(self, given: Sequence[str | None] | str | os.PathLike[str]) -> JobList[CarrierT]:
+        """Return a list that was submitted before, by the file that has it or by the ids of its jobs."""
+        return stored_list(self.carrier, given)
 
     @operation
     def judge(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 
 class PolhodeError(Exception):
@@ -51,6 +52,9 @@ class RefusedError(PolhodeError):
         lines = [f"{self.code}: {first}", *(f"  {f.pointer or '/'}: {f.message}" for f in self.faults)]
         super().__init__("\n".join(lines))
 
+    def __reduce__(self) -> tuple[type[Self], tuple[int, Mapping[str, object]]]:
+        return type(self), (self.status, self.document)
+
     @property
     def pointer(self) -> str | None:
         """JSON pointer to the first fault; None if it is not about one part of the document."""
@@ -79,6 +83,31 @@ class FailedError(PolhodeError):
         pointer = document.get("pointer")
         self.pointer = None if pointer is None else str(pointer)
         super().__init__(f"{self.code}: {self.detail}" + (f" ({self.pointer})" if self.pointer else ""))
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Mapping[str, object]]]:
+        return type(self), (self.job,)
+
+
+class SomeFailedError(PolhodeError):
+    """Some problems of a list were refused or failed.
+
+    Parameters
+    ----------
+    errors
+        Why, by the index in the list.
+    motions
+        Those of the others, by the index in the list.
+    """
+
+    def __init__(self, errors: Mapping[int, PolhodeError], motions: Mapping[int, object]) -> None:
+        self.errors, self.motions = errors, motions
+        first = min(errors)
+        super().__init__(
+            f"{len(errors)} of {len(errors) + len(motions)} problems; number {first}: {errors[first]}"
+        )
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Mapping[int, PolhodeError], Mapping[int, object]]]:
+        return type(self), (self.errors, self.motions)
 
 
 def refused(status: int, document: object) -> RefusedError:

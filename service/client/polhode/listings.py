@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from itertools import islice
 from types import ModuleType
 from typing import TYPE_CHECKING, Generic, TypeVar
-from urllib.parse import urlencode
+from urllib.parse import urlencode, urljoin
 
 from polhode.documents.problems import Document
 from polhode.documents.quantities import items
@@ -128,7 +128,8 @@ class Listing(Generic[CarrierT, Item]):
     def _page(self, path: str) -> Operation[tuple[list[Row], str | None]]:
         page = yield from ask_json(self.carrier.terms, "GET", path)
         following = page["next"]
-        return items(page["items"]), None if following is None else str(following)
+        # The query alone, or of an older service with its path.
+        return items(page["items"]), None if following is None else urljoin(path, str(following))
 
     def _first(self, limit: int, query: Sequence[tuple[str, str]]) -> str:
         return f"{self._path}?{urlencode([*self._query, *query, ('limit', str(limit))])}"

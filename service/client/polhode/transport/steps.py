@@ -4,7 +4,7 @@ The same operation is carried out by a thread or by an event loop; ``operation``
 returns its result in the one case, and something to await in the other.
 """
 
-from collections.abc import Callable, Coroutine, Generator, Mapping
+from collections.abc import Callable, Coroutine, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import update_wrapper
 from typing import Concatenate, Generic, ParamSpec, Protocol, Self, TypeVar, overload
@@ -40,6 +40,13 @@ class Pause:
 
 
 @dataclass(frozen=True, slots=True)
+class Together:
+    """Carry out operations at the same time, all to their ends; the first of what they raise is thrown in."""
+
+    operations: "Sequence[Operation[None]]"
+
+
+@dataclass(frozen=True, slots=True)
 class Reply:
     """The result of a step; names of headers are in lower case."""
 
@@ -54,7 +61,7 @@ class LostConnectionError(Exception):
     """No answer, or not all of it, has arrived; thrown into the operation that asked."""
 
 
-Step = Send | NextLine | Pause
+Step = Send | NextLine | Pause | Together
 Operation = Generator[Step, Reply, T]
 
 
