@@ -189,6 +189,8 @@ class ChildRun:
     ended_at: float | None = None
     lost: set[str] = field(default_factory=set)
     """Ids of jobs whose claims do not hold any more."""
+    is_noted: bool = False
+    """The store knows that its child has begun."""
     is_followed: bool = False
     """Its child has been given another call, before these results are stored."""
 
@@ -211,6 +213,11 @@ class ChildRun:
     def is_untaken(self) -> bool:
         """No child has taken the call."""
         return not self.future.running() and not self.future.done()
+
+    @property
+    def is_to_be_noted(self) -> bool:
+        """A child has begun with a job that is to be alone, since an earlier worker was lost with it."""
+        return self.claims[0].alone and self.future.running() and not self.is_noted
 
     @property
     def is_in_vain(self) -> bool:

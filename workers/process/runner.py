@@ -173,6 +173,9 @@ class Runner:
                     retries = self._limits.retries()
                     self._store.lose(claim, "no child took it", has_begun=False, **retries)
                 self._remove(run)
+            elif run.is_to_be_noted:
+                self._store.note_begun(run.claims[0])
+                run.is_noted = True
             elif run.is_slow(time.monotonic() - WATCH_SECONDS - BATCH_SECONDS):
                 self._take_back(run)
         if self._waiting and time.monotonic() > self._waits_since + WATCH_SECONDS + BATCH_SECONDS:
