@@ -213,7 +213,8 @@ def read_settings(**options: object) -> Settings:
         return Settings.model_validate({**Settings().model_dump(), **chosen})
     except ValidationError as fault:
         reasons = (
-            f"{'_'.join(map(str, error['loc']))}: {error['msg']}" for error in fault.errors(include_url=False)
+            f"{'_'.join(map(str, error['loc']))}: {error['msg'].removeprefix('Value error, ')}"
+            for error in fault.errors(include_url=False)
         )
         raise SettingsError("; ".join(reasons)) from fault
 

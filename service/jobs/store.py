@@ -156,6 +156,10 @@ class JobStore(Protocol):
         """Prolong the lease to ``lease_seconds`` from now."""
         ...
 
+    def note_begun(self, claim: Claim) -> None:
+        """Note that a child has begun with a job that is computed alone: the loss of its worker counts."""
+        ...
+
     def held(self, claims: Sequence[Claim]) -> frozenset[str]:
         """Return the ids of those jobs whose claims still hold; writes nothing."""
         ...

@@ -118,6 +118,8 @@ class Run:
     """It has one claim, and had no other."""
     lost: set[str] = field(default_factory=set)
     """Ids of jobs whose claims do not hold any more."""
+    is_noted: bool = False
+    """The store knows that its child has begun."""
     is_followed: bool = False
     """Its place has been given another call, before these results are stored."""
 
@@ -131,6 +133,11 @@ class Run:
         """The job that is computed now, or was when the child died."""
         begun = self.batch.begun
         return self.claims[begun - 1] if 0 < begun <= len(self.claims) else None
+
+    @property
+    def is_to_be_noted(self) -> bool:
+        """A child has begun with a job that is to be alone, since an earlier worker was lost with it."""
+        return self.claims[0].alone and self.future.running() and not self.is_noted
 
     @property
     def is_in_vain(self) -> bool:

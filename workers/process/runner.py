@@ -144,6 +144,9 @@ class Runner:
                     logger.warning(said, claim.job_id, claim.attempt, extra=extra_of(claim))
                 self._store.give_back_all(run.held, _STUCK)
                 self._remove(run)
+            elif run.is_to_be_noted:
+                self._store.note_begun(run.claims[0])
+                run.is_noted = True
             elif run.is_slow(time.monotonic() - WATCH_SECONDS - BATCH_SECONDS):
                 self._take_back(run)
         if self._waiting and time.monotonic() > self._waits_since + WATCH_SECONDS + BATCH_SECONDS:

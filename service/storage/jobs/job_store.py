@@ -38,14 +38,14 @@ from service.storage.examinations import store_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
 from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_atlas
-from service.storage.jobs.moves import end_attempt, fence, history, lose, move
+from service.storage.jobs.moves import BEGUN, end_attempt, fence, history, lose, move
 from service.storage.jobs.queue import announce
 from service.storage.jobs.records import job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
 from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import DatabaseNow, table_of
-from service.storage.tables.jobs import JobRow
+from service.storage.tables.jobs import AttemptRow, JobRow
 from service.verdicts.cache_rows import CacheRow, Examination
 
 _JOBS = table_of(JobRow)
@@ -185,6 +185,14 @@ class SqlJobStore:
         statement = update(JobRow).where(*fence(claim)).values(**values)
         with self._database.write() as session:
             return session.scalar(statement.returning(JobRow.id)) is not None
+
+    def note_begun(self, claim: Claim) -> None:
+        """Note that a child has begun with a job that is computed alone, if the claim still holds."""
+        attempt = AttemptRow.job_id == claim.job_id, AttemptRow.number == claim.attempt
+        with self._database.write() as session:
+            session.execute(
+                update(AttemptRow).where(*attempt, AttemptRow.ended_at.is_(None)).values(detail=BEGUN)
+            )
 
     def held(self, claims: Sequence[Claim]) -> frozenset[str]:
         """Return the ids of those jobs whose claims still hold."""

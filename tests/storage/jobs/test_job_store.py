@@ -19,6 +19,7 @@ from service.jobs.records import (
     SolutionNotFoundError,
 )
 from service.storage.database.rows import new_id
+from service.storage.jobs.moves import BEGUN
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.effort import examples
@@ -133,7 +134,7 @@ def test_a_heartbeat_keeps_the_lease(jobs):
 def test_a_job_that_kills_its_workers_is_given_up_with_its_history(jobs):
     job = jobs.submit(PROBLEM, "digest")
     for n in range(3):
-        claim(jobs, f"worker-{n}", OVER)
+        jobs.note_begun(claim(jobs, f"worker-{n}", OVER))
         jobs.reconcile(max_attempts=3)
     assert jobs.lose(claim(jobs, "worker-3"), "the child died of SIGSEGV", max_attempts=3)
     dead = jobs.get(job.id)
@@ -152,11 +153,39 @@ def test_what_was_lost_with_others_is_claimed_alone_and_before_the_others(jobs):
     for job_id in submitted[:3]:
         (claimed,) = jobs.take(f"worker of {job_id}", 1, **together).claims
         assert (claimed.job_id, claimed.alone) == (job_id, True)
+        jobs.note_begun(claimed)
     rest = jobs.take("another", 1, **together).claims
     assert [(c.job_id, c.alone) for c in rest] == [(job_id, False) for job_id in submitted[3:]]
-    # What is lost alone counts.
+    # What has begun and is lost alone counts.
     jobs.reconcile(max_attempts=1)
     assert [jobs.get(job_id).state for job_id in submitted] == [JobState.FAILED] * 3 + [JobState.QUEUED] * 3
+
+
+def test_a_job_with_which_no_child_has_begun_is_not_lost_with_its_worker(jobs):
+    job = jobs.submit(PROBLEM, "digest")
+    for number in range(MOST_DOUBTS):
+        claimed = claim(jobs, f"worker-{number}", OVER)
+        assert claimed.alone == (number > 0)
+        jobs.reconcile(max_attempts=1)
+    assert {attempt.outcome for attempt in jobs.attempts(job.id)} == {AttemptOutcome.RETURNED}
+    # Its worker may die of it sooner than it can say so: there is an end of it.
+    late = claim(jobs, "last", OVER)
+    jobs.reconcile(max_attempts=1)
+    assert jobs.get(job.id).error["code"] == "lost_worker"
+    # What ended is not written to any more.
+    jobs.note_begun(late)
+    assert jobs.attempts(job.id)[-1].detail == "the lease ended without a heartbeat"
+
+
+def test_of_a_job_that_succeeds_alone_nothing_is_left_of_its_beginning(jobs):
+    job = jobs.submit(PROBLEM, "digest")
+    claim(jobs, "first", OVER)
+    jobs.reconcile(max_attempts=3)
+    alone = claim(jobs, "second")
+    jobs.note_begun(alone)
+    assert jobs.attempts(job.id)[-1].detail == BEGUN
+    assert succeed(jobs, alone)
+    assert jobs.attempts(job.id)[-1].detail is None
 
 
 def test_two_that_a_worker_computed_beside_each_other_are_not_to_blame_for_its_loss(jobs):
