@@ -192,12 +192,13 @@ def backup(
 
     settings = settings_of(database_url=database_url)
     try:
-        contents = back_up(settings.database_url, file, replace=force)
+        contents = back_up(settings.database_url, file, force=force)
     except BackupError as fault:
         fail(f"no backup: {fault}", REFUSED)
     jobs, solutions = (contents.rows.get(name, 0) for name in ("jobs", "solutions"))
     size = file.stat().st_size / 1e6
-    say(f"{file}: {jobs} jobs, {solutions} solutions, {contents.schema}, {size:.1f} MB")
+    by = f", by {contents.made_by}" if contents.made_by else ""
+    say(f"{file}: {jobs} jobs, {solutions} solutions, {contents.schema}, {size:.1f} MB{by}")
 
 
 def restore(

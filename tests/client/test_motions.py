@@ -1,6 +1,8 @@
 """Motions over the live service: numbers with their errors, and the function of time with its bits."""
 
 import asyncio
+import inspect
+import re
 from html import unescape
 
 import numpy as np
@@ -11,6 +13,11 @@ from hypothesis import strategies as st
 
 import polhode as ph
 from polhode import evaluation
+from polhode.clients import Operations
+from polhode.motions import Motion
+from polhode.sweeps import Sweep
+from polhode.transport.steps import operation
+from polhode.verdicts import Judgement
 from service.dynamics.equations.orientation import trajectory_columns, trajectory_errors
 from service.dynamics.solution.dense_output import Advance, DenseOutput, Period
 from service.schemas.reading.numbers import LATEST
@@ -220,6 +227,51 @@ def test_a_verdict_is_the_same_document(connected, service):
     asked = {"body": {"A": 2, "C": 1}, "potential": {"type": "expression", "expression": "g1 + g2/10"}}
     assert verdict.document == service.call("POST", "/v1/validations", asked).document
     assert connected.judge("a*g1", body=(2, 1), a="-1/2").is_admissible
+
+
+def test_a_verdict_is_typeset_and_tells_windows_and_cases(connected):
+    verdict = connected.judge("a*g1 + b/g3^2", body=(2, 1), lam=1, a=-1, b="1/20")
+    assert [window["kind"] for window in verdict.motions] == ["periodic"]
+    equations = verdict.latex()
+    for name in ("V", "h", "F", "G"):
+        assert equations[name][0].startswith(name)
+        assert equations[name][0].replace(" = ", " &= ", 1) in verdict._repr_latex_()
+    assert r"h \left(" in verdict._repr_html_()
+    assert verdict._repr_latex_().startswith(r"$\begin{aligned} V")
+    state = {"type": "state", "omega": [0, 0, 1], "gamma": [0, 0, 1]}
+    heavy = connected.judge({"type": "gravity", "c": 1}, body=(2, 2, 1), motion=state)
+    assert heavy.classical is not None
+    with pytest.raises(ph.WrongArgumentError, match="both set motion"):
+        connected.judge("g1", body=(2, 1), motion=state, lam=1)
+
+
+def test_a_parameter_without_a_value_is_told_as_one(connected):
+    with pytest.raises(ph.RefusedError, match=r"is b a parameter[?] b=1 would be its value"):
+        connected.judge("a*g1 + b/g3^2", body=(2, 1), a=-1)
+
+
+def test_signatures_are_those_that_a_person_calls(connected):
+    shown = {
+        name: str(inspect.signature(getattr(connected, name)))
+        for name in ("solve", "solve_all", "find", "job")
+    }
+    assert shown["job"] == "(job_id: str) -> Job"
+    assert shown["find"].endswith("-> Union[Job, Motion, Sweep]")
+    assert shown["solve_all"].endswith("-> list[Motion]")
+    assert shown["solve"].startswith(
+        "(base: Mapping[str, object] | str | PathLike[str] | None = None, *, body: "
+    )
+    assert shown["solve"].endswith("-> Motion")
+    every = [
+        *vars(Operations).values(),
+        *vars(Motion).values(),
+        *vars(Sweep).values(),
+        *vars(Judgement).values(),
+    ]
+    operations = [each for each in every if isinstance(each, operation)]
+    assert len(operations) > 30
+    for each in operations:
+        assert not re.search("Generator|Step|CarrierT", str(inspect.signature(each.call))), each
 
 
 def test_an_event_loop_gets_the_same(connected, base, service):

@@ -1,12 +1,18 @@
 """Clients in other processes and event loops: each has connections of its own, and its own answers."""
 
+import asyncio
+import copy
 import json
+import multiprocessing
 import os
+import pickle  # noqa: TID251 - as process pools do
 import subprocess
 import sys
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import pytest
 
+import polhode as ph
 from tests.client.test_local import answers
 from tests.workers.processes import wait_until
 
@@ -94,3 +100,106 @@ def test_a_service_of_ones_own_ends_though_a_forked_process_lives_on():
             wait_until(lambda: not answers(url))
         finally:
             os.kill(int(child), 9)
+
+
+ASKED = {
+    "motion": lambda motion: (motion.id, motion.at([0.0, 1e6]).gamma.tolist()),
+    "job": lambda job: (job.id, job.wait().id),
+    "sweep": lambda sweep: (sweep.id, sweep.values("period").tolist()),
+    "judgement": lambda judgement: (judgement.verdict, judgement.latex()["h"]),
+    "listing": lambda listing: listing.count() > 0,
+    "list": lambda listed: [motion.id for motion in listed.wait()],
+    "atlas": lambda atlas: atlas.svg(),
+    "client": lambda client: client.url,
+    "solve": lambda solve: solve.__self__.url,
+}
+
+
+def asked(name: str, thing: object) -> object:
+    """Ask a thing what it knows, in whatever process this is."""
+    return ASKED[name](thing)
+
+
+@pytest.fixture
+def things(connected, base):
+    motion = connected.solve(base)
+    return {
+        "motion": motion,
+        "job": connected.submit(base),
+        "sweep": connected.sweep(base, lam=[1, "3/2"], keep=["period"]),
+        "judgement": connected.judge("a*g1", body=(2, 1), a=-1),
+        "listing": connected.solutions(f"id={motion.id}"),
+        "list": connected.submit_all([base]),
+        "atlas": connected.atlas("a*g1", body=(2, 1), lam=(1, 2), samples=9, a=-1),
+        "client": connected,
+        "solve": connected.solve,
+    }
+
+
+def test_all_that_a_client_returns_goes_to_other_processes(things):
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        here = {name: asked(name, thing) for name, thing in things.items()}
+        there = {name: pool.submit(asked, name, thing) for name, thing in things.items()}
+        assert {name: each.result(120) for name, each in there.items()} == here
+    for name, thing in things.items():
+        assert asked(name, copy.deepcopy(thing)) == here[name]
+    assert copy.deepcopy(things["motion"]).carrier is things["motion"].carrier
+
+
+def test_a_pickle_never_has_a_key(monkeypatch):
+    secret = "plh_secret"
+    with ph.connect("http://127.0.0.1:9", secret) as client:
+        with pytest.raises(ph.WrongArgumentError, match="POLHODE_KEY"):
+            pickle.dumps(client)
+        assert copy.deepcopy(client).carrier.terms.key == secret
+        monkeypatch.setenv("POLHODE_KEY", secret)
+        packed = pickle.dumps(client)
+        assert secret.encode() not in packed
+        monkeypatch.setenv("POLHODE_KEY", "plh_another")
+        assert pickle.loads(packed).carrier.terms.key == "plh_another"
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ph.RefusedError(
+            422, {"type": "urn:x:invalid", "errors": [{"pointer": "/a", "code": "c", "message": "m"}]}
+        ),
+        ph.MissingError(404, {"detail": "none"}),
+        ph.FailedError({"id": "x", "error": {"code": "accuracy_not_met", "pointer": "/accuracy"}}),
+        ph.SomeFailedError({3: ph.WrongArgumentError("no")}, {0: "a motion"}),
+        ph.UnreachableError("no answer"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_errors_come_back_from_other_processes(error):
+    back = pickle.loads(pickle.dumps(error))
+    assert type(back) is type(error)
+    assert str(back) == str(error)
+    assert {name: str(each) for name, each in vars(back).items()} == {
+        name: str(each) for name, each in vars(error).items()
+    }
+
+
+def test_an_asynchronous_client_is_used_in_one_loop_after_another(connected, base):
+    client = ph.connect_async(cache=False)
+    expected = connected.solve(base).id
+
+    async def solved():
+        return (await client.solve(base)).id
+
+    async def twice():
+        return await asyncio.gather(solved(), solved())
+
+    # Two loops at once, and one after another.
+    with ThreadPoolExecutor(2) as pool:
+        assert list(pool.map(lambda _: asyncio.run(twice()), range(4))) == [[expected] * 2] * 4
+    for _ in range(3):
+        assert asyncio.run(solved()) == expected
+
+    async def closed():
+        await client.close()
+        with pytest.raises(ph.PolhodeError, match="closed"):
+            await client.solve(base)
+
+    asyncio.run(closed())

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from flint import fmpq
 
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.monomials import NotAMonomialSumError
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.verdict.proofs.power_sums import judge_power_sum
-from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError
 from service.dynamics.verdict.simple_form import is_simplified, simplified
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
@@ -177,7 +177,7 @@ def _is_judged_alone(problem: Problem) -> bool:
     A, C = (fmpq(m.numerator, m.denominator) for m in (problem.body.A, problem.body.C))
     try:
         judge_power_sum(A, C, problem.potential.tape)
-    except (NoClosedFormError, NotAPowerSumError):
+    except (NoClosedFormError, NotAMonomialSumError):
         return False
     return True
 

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import update_wrapper
-from inspect import signature
+from inspect import Parameter, signature
 from types import TracebackType
 from typing import Generic, ParamSpec, Self, TypeVar
 from urllib.parse import urlencode
@@ -71,8 +71,11 @@ def takes(
             return (yield from work(self, arguments(*given, **named)))
 
         update_wrapper(whole, work)
+        own, taken = signature(work), signature(arguments)
+        owner = next(iter(own.parameters.values())).replace(kind=Parameter.POSITIONAL_ONLY)
+        parameters = [owner, *taken.parameters.values()]
         # What notebooks and the reference show.
-        whole.__signature__ = signature(arguments)  # type: ignore[attr-defined]  # functions take any
+        whole.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]  # functions take any
         return operation(whole)
 
     return decorate
@@ -158,8 +161,9 @@ class Operations(Generic[CarrierT]):
         *,
         body: Body | None = None,
         motion: Mapping[str, object] | None = None,
+        lam: Exact | None = None,
         **parameters: Exact,
-    ) -> Operation[Judgement]:
+    ) -> Operation[Judgement[CarrierT]]:
         """Ask whether a potential admits planar motions; nothing is stored.
 
         Parameters
@@ -168,11 +172,13 @@ class Operations(Generic[CarrierT]):
             A formula, a section ``potential``, or without ``body`` a whole document or its file.
         body
             (A, C), (A, B, C), or the section.
-        motion
-            The section ``motion``, to learn its windows.
+        motion, lam
+            The section ``motion``, or λ of a planar one, to learn its windows; or a state, to learn which
+            classical cases it lies on.
         """
-        document = question(potential, body=body, motion=motion, numbers=parameters)
-        return Judgement((yield from ask_json(self.carrier.terms, "POST", "/v1/validations", document)))
+        document = question(potential, body=body, motion=motion, lam=lam, numbers=parameters)
+        answer = yield from ask_json(self.carrier.terms, "POST", "/v1/validations", document)
+        return Judgement(self.carrier, answer, document)
 
     @operation
     def sweep(
@@ -194,8 +200,8 @@ class Operations(Generic[CarrierT]):
         base
             A problem, a whole sweep, or a file of either.
         named_axes, axes
-            Lists of values, or spans such as ``linspace(lo, hi, n)``, by the names of parameters or by JSON
-            pointers; ``lam`` is λ. The last axis varies fastest.
+            Values as lists, arrays or series, or spans such as ``linspace(lo, hi, n)``, by the names of
+            parameters or by JSON pointers; ``lam`` is λ. The last axis varies fastest.
         keep
             Numbers to keep of each point.
         combine

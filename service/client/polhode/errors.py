@@ -1,5 +1,6 @@
 """The errors that a call of the client can end with."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
@@ -49,7 +50,10 @@ class RefusedError(PolhodeError):
         self.faults = tuple(_faults(document.get("errors")))
         # With faults the detail only repeats them.
         first = self.detail if not self.faults else str(document.get("title") or self.detail)
-        lines = [f"{self.code}: {first}", *(f"  {f.pointer or '/'}: {f.message}" for f in self.faults)]
+        lines = [
+            f"{self.code}: {first}",
+            *(f"  {f.pointer or '/'}: {f.message}{_hint(f)}" for f in self.faults),
+        ]
         super().__init__("\n".join(lines))
 
     def __reduce__(self) -> tuple[type[Self], tuple[int, Mapping[str, object]]]:
@@ -114,6 +118,16 @@ def refused(status: int, document: object) -> RefusedError:
     """Return the error for an answer that is none of success."""
     problem = document if isinstance(document, Mapping) else {"detail": str(document)[:500]}
     return (MissingError if status == 404 else RefusedError)(status, problem)
+
+
+_UNKNOWN = re.compile(r"'([A-Za-z_]\w*)' is not known here")
+
+
+def _hint(fault: ReportedFault) -> str:
+    """Return what a caller of the client can do about a fault, beside what the service accepts."""
+    if fault.code == "formula" and (found := _UNKNOWN.search(fault.message)):
+        return f"; is {found[1]} a parameter? {found[1]}=1 would be its value"
+    return ""
 
 
 def _faults(errors: object) -> Sequence[ReportedFault]:

@@ -8,7 +8,9 @@ from urllib.parse import urlencode, urljoin
 
 from polhode.documents.problems import Document
 from polhode.documents.quantities import items
+from polhode.errors import PolhodeError
 from polhode.evaluation import optional
+from polhode.showing import rows_html
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import ask, ask_json
 from polhode.transport.steps import Operation, operation
@@ -24,6 +26,8 @@ _PAGE = 200
 IDS = 100
 """Ids in one query."""
 _LABELS = "labels"
+_SHOWN = 20
+"""Rows that a notebook shows."""
 
 
 class Listing(Generic[CarrierT, Item]):
@@ -100,6 +104,27 @@ class Listing(Generic[CarrierT, Item]):
         """Return how many there are."""
         page = yield from ask_json(self.carrier.terms, "GET", self._first(1, [("count", "exact")]))
         return int(str(page["total"]))
+
+    def __repr__(self) -> str:
+        asked = ", ".join(f"{name} {value}" for name, value in self._query)
+        return f"<list of {self._path.removeprefix('/v1/')}{': ' if asked else ''}{asked}>"
+
+    def _repr_html_(self) -> str | None:
+        if not isinstance(self.carrier, ThreadCarrier):
+            return None
+        try:
+            rows, total = self.carrier.run(self._first_rows())
+        except PolhodeError:
+            return None  # the words of repr() are better than nothing
+        title = f"{self._path.removeprefix('/v1/')}: {total}" + (
+            f", of which {_SHOWN}" if total > _SHOWN else ""
+        )
+        return rows_html(title, self.columns, rows)
+
+    def _first_rows(self) -> Operation[tuple[list[Row], int]]:
+        query = [("columns", ",".join(self.columns)), ("count", "exact")]
+        page = yield from ask_json(self.carrier.terms, "GET", self._first(_SHOWN, query))
+        return items(page["items"]), int(str(page["total"]))
 
     def __iter__(self: "Listing[ThreadCarrier, Item]") -> Iterator[Item]:
         path: str | None = self._first(_PAGE, [])

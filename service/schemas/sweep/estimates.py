@@ -18,13 +18,13 @@ from flint import fmpq
 from service.dynamics.accuracy import AccuracyTable, Expected, Family, MotionKind, expected, family_of
 from service.dynamics.equations.orientation import PRECESSION, QUATERNION
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.monomials import NotAMonomialSumError
 from service.dynamics.formula.parameters import coefficients_of
 from service.dynamics.formula.parser import parse
 from service.dynamics.motion import columns_of
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.verdict.proofs.power_sums import judge_power_sum
-from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError
 from service.schemas.problem.budgets import kind_of, samples_of
 from service.schemas.reading.documents import Part
 from service.schemas.sweep.sweep import Sweep, keeps_further
@@ -312,7 +312,7 @@ def _is_power_sum(problem: Problem) -> bool:
     A, C = (fmpq(each.numerator, each.denominator) for each in (problem.body.A, problem.body.C))
     try:
         judge_power_sum(A, C, problem.potential.tape)
-    except (NoClosedFormError, NotAPowerSumError):
+    except (NoClosedFormError, NotAMonomialSumError):
         return False
     return True
 

@@ -80,6 +80,8 @@ class Pool(Generic[HttpT]):
 
     def __init__(self, http: HttpT) -> None:
         self.http = http
+        self.guard: AsyncIterator[None] | None = None
+        """Closes the connections when its event loop ends."""
         self._sockets: WeakSet[object] = WeakSet()
 
     def remember(self, event: str, info: Mapping[str, object]) -> None:
@@ -152,12 +154,15 @@ class Connections(Generic[HttpT]):
         self._left += self._pools.values()
         self._pools, self._process = {}, os.getpid()
 
-    def ended(self) -> list[HttpT]:
-        """Return what has to be closed, and open no more."""
+    def ended(self, loop: asyncio.AbstractEventLoop | None = None) -> HttpT | None:
+        """Return what has to be closed in this loop, and open no more."""
         if self._process != os.getpid():
             self.leave()
-        pools, self._pools, self._is_closed = list(self._pools.values()), {}, True
-        return [pool.http for pool in pools]
+        own = self._pools.pop(loop, None)
+        for pool in self._pools.values():
+            pool.abandon()
+        self._pools, self._is_closed = {}, True
+        return None if own is None else own.http
 
 
 class ThreadCarrier:
@@ -237,8 +242,8 @@ class ThreadCarrier:
 
     def close(self) -> None:
         """Close the connections."""
-        for each in self.connections.ended():
-            each.close()
+        if (http := self.connections.ended()) is not None:
+            http.close()
 
     def __reduce__(self) -> "tuple[type[ThreadCarrier], tuple[Terms]]":
         return ThreadCarrier, (self.terms,)
@@ -296,6 +301,9 @@ class LoopCarrier:
     async def _sent(self, step: Send) -> httpx.Response:
         loop = asyncio.get_running_loop()
         pool = self.connections.of(loop)
+        if pool.guard is None:
+            pool.guard = _closed_with_its_loop(pool.http)
+            await anext(pool.guard)
         request = _request(pool.http, step, pool.remember_soon)
         response = await pool.http.send(request, stream=step.is_stream)
         if not _is_own(request, response):
@@ -305,14 +313,22 @@ class LoopCarrier:
 
     async def close(self) -> None:
         """Close the connections."""
-        for each in self.connections.ended():
-            await each.aclose()
+        if (http := self.connections.ended(asyncio.get_running_loop())) is not None:
+            await http.aclose()
 
     def __reduce__(self) -> "tuple[type[LoopCarrier], tuple[Terms]]":
         return LoopCarrier, (self.terms,)
 
     def __deepcopy__(self, memo: object) -> Self:
         return self
+
+
+async def _closed_with_its_loop(http: httpx.AsyncClient) -> AsyncIterator[None]:
+    # asyncio.run ends the generators that wait in its loop; another loop could not close the connections.
+    try:
+        yield
+    finally:
+        await http.aclose()
 
 
 async def _nothing() -> AsyncIterator[str]:
