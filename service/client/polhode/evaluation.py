@@ -127,7 +127,7 @@ class FunctionOfTime:
         return self.period.error * turns + 4.0 * EPSILON * self.period.hi + lost
 
     def sagittas_and_ranges(self, phase: float) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of how far each column leaves its chords of a length up to φ, and of its whole range."""
+        """Return bounds of how far each column leaves its chords of length φ, and of its range."""
         sizes = np.abs(self.coefficients)
         bends, radii = np.zeros_like(sizes[:, 0]), np.zeros_like(sizes[:, 0])
         for k in range(1, sizes.shape[1]):

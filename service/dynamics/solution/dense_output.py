@@ -163,7 +163,7 @@ class DenseOutput:
         return self.period.error * turns + 4.0 * EPSILON * self.period.hi + lost
 
     def sagittas_and_ranges(self, phase: float) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of how far each column leaves its chords of a length up to φ, and of its whole range.
+        """Return bounds of how far each column leaves its chords of length φ, and of its range.
 
         That is φ²/8 times the second derivative; on a piece, |T_k| ≤ 1 and |T_k''| ≤ k² (k² − 1) / 3
         times the square of 2 / width.
