@@ -5,13 +5,17 @@ import what they need when they run: a worker is there before the solvers, which
 """
 
 import json
+import logging
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from service.local.worker_process import why_no_folder
 from service.logs import start_logging
 from service.settings import SettingsError, read_settings
 from service.terminal import FileFaultError, say
+
+logger = logging.getLogger(__name__)
 
 _FAILED, _WRONG_USAGE = 1, 2
 _TASKS, _TASKS_OF_A_SLOT, _ADDRESS_MB = 10, 4, 1000
@@ -93,6 +97,8 @@ def run(*, slots: int | None = None, wake_fd: int | None = None) -> int:
     if (reason := lack_of_room(tasks=_TASKS + _TASKS_OF_A_SLOT * slots, megabytes=_ADDRESS_MB)) is not None:
         say(reason)
         return _FAILED
+    if (reason := why_no_folder()) is not None:
+        logger.warning("compiled code cannot be kept, and jobs are solved without it: %s", reason)
     try:
         if wake_fd is None:
             # Started alone. A service that starts workers migrates, and tells them when it has.
