@@ -1,14 +1,14 @@
 r"""Formulas of general potentials: V1[F] is one where F is a sum of certain powers of w.
 
-The terms of the families solve the same equation as V1 (H. M. Yehia's last formula): B_n, C_n and the
-logarithms that stand for them where they have no value have energies that are multiples of one power of w
-each,
+The terms of the families solve the same equation as V1 (H. M. Yehia's last formula), and the energies of B_n
+and C_n are multiples of one power of w each,
 
-.. math:: \alpha m = n + 1:\ B_n \text{ or } \log_n, \qquad m = -(n + 1):\ C_n \text{ or } \log_n,
-          \qquad m = 0:\ V = -1.
+.. math:: \alpha m = n + 1:\ B_n, \qquad m = -(n + 1):\ C_n, \qquad m = 0:\ V = -1.
 
-So a multiple P of the term has the energy −w^m, as V1[w^m] has; the difference is Q times a function of g2.
-Both are homogeneous of the degree d = 2(α − 1)m in g1 and g3, and V1 vanishes in the direction φ0. Hence
+A multiple P of the term has the energy −w^m, as V1[w^m] has; the difference is Q times a function of g2. The
+logarithms that stand for B_n and C_n where these have no value are left to the integral, which is as quick
+and as exact through the poles, where no bound encloses them. P and Q are homogeneous, P of the degree
+d = 2(α − 1)m in g1 and g3, and V1 vanishes in the direction φ0. Hence
 
 .. math:: V_1[w^m] = P - Q\,\rho^{d/2-1}\,\frac{P_0}{Q_0}, \qquad P_0, Q_0 = P, Q
           \text{ at } (\cos\varphi_0, \sin\varphi_0), \qquad \rho = g_1^2 + g_3^2.
@@ -42,9 +42,8 @@ from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.potentials.families.general_solution import FAMILY, GeneralPotential
 from service.dynamics.potentials.families.homogeneous import B_term, C_term, energy_of_B, energy_of_C
 from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.dynamics.potentials.terms.logarithmic import LogTerm, log_term, multiplicity
+from service.dynamics.potentials.terms.logarithmic import multiplicity
 from service.dynamics.potentials.terms.powers import (
-    MAX_TERMS,
     PowerSum,
     monomial_sum,
     power_terms,
@@ -55,6 +54,8 @@ from service.dynamics.potentials.terms.powers import (
 
 QUARTER = parse("pi/4")
 """The reference angle at which powers of the cosine and the sine are the same."""
+MOST_TERMS = 8
+"""Of longer ones the terms cancel next to a pole."""
 ZERO, HALF = Fraction(0), Fraction(1, 2)
 
 
@@ -123,7 +124,7 @@ def _tree_of(
             rho = monomial_sum({(2, 0, 0): Fraction(1), (0, 0, 2): Fraction(1)})
             factors.append(Binary("^", rho, exact_tree(term.degree / 2 - 1)))
         if at_angle is None:
-            share = _product(total(term.at_quarter(-2 * exact / (body.A + body.C))), factors)
+            share = _product(term.at_quarter(-2 * exact / (body.A + body.C)), factors)
         else:
             share = Binary("/", _product(total(term.at(at_angle, -exact)), factors), _Q(body, *at_angle))
         shares.append(share)
@@ -148,43 +149,32 @@ def _product(tree: Tree, factors: Sequence[Tree]) -> Tree:
 
 @dataclass(frozen=True, slots=True)
 class _Term:
-    """P = scale · (powers + log), of which H is −w^m."""
+    """P = scale · powers, of which H is −w^m."""
 
     degree: Fraction
     """d, of P in g1 and g3 together."""
     scale: Tree | Fraction
     powers: PowerSum
-    log: LogTerm | None = None
 
     def parts(self, weight: Fraction) -> list[Tree]:
         """Return the terms of weight · P / scale."""
-        logs = [] if self.log is None else [self.log.tree(weight)]
-        return [*power_terms(weighted_sum([(weight, self.powers)])), *logs]
+        return power_terms(weighted_sum([(weight, self.powers)]))
 
     def at(self, squares: tuple[Tree, Tree], weight: Fraction) -> list[Tree]:
         """Return the same where g1² and g3² are ``squares``, for ρ = 1."""
-        found = [
+        return [
             scaled(
                 weight * factor,
                 [Binary("^", x, exact_tree(e / 2)) for x, e in zip(squares, exponents, strict=True) if e],
             )
             for exponents, factor in self.powers.items()
         ]
-        if self.log is not None:
-            own, other = squares[::-1] if self.log.is_exchanged else squares
-            Q = Binary("+", scaled(self.log.alpha, [own]), other)
-            found.append(scaled(weight * self.log.residue, [Q, Call("log", own)]))
-        return found
 
-    def at_quarter(self, weight: Fraction) -> list[Tree]:
+    def at_quarter(self, weight: Fraction) -> Tree:
         """Return the same where g1² = g3² = 1/2."""
         number, root = weight * sum(self.powers.values()), fold_power(HALF, self.degree / 2)
         power = [Binary("^", exact_tree(HALF), exact_tree(self.degree / 2))] if root is None else []
-        found = [scaled(number * (1 if root is None else root), power)]
-        if self.log is not None:
-            factor = weight * self.log.residue * (self.log.alpha + 1) / 2
-            found.append(scaled(factor, [Call("log", exact_tree(HALF))]))
-        return found
+        return scaled(number * (1 if root is None else root), power)
 
 
 def _term(body: RigidBody, m: Fraction) -> _Term | None:
@@ -193,15 +183,11 @@ def _term(body: RigidBody, m: Fraction) -> _Term | None:
     if m == 0:
         return _Term(Fraction(0), Fraction(1), {(Fraction(0), Fraction(0)): Fraction(-1)})
     N = max(alpha * m, -m)
-    if N.denominator != 1 or not 1 <= N <= MAX_TERMS:
+    if N.denominator != 1 or not 1 <= N <= MOST_TERMS:
         return None
     degree, n = 2 * (alpha - 1) * m, N.numerator - 1
-    repeated = multiplicity(alpha, n)
-    if (alpha > 1) == (m > 0) and repeated is not None:
-        # H is −(larger − 1)^(N − m) λ^…, and |A − C| is (larger − 1) times the smaller moment.
-        log, smaller = log_term(alpha, n), min(body.A, body.C)
-        factor = smaller ** (N.numerator - repeated)
-        return _Term(degree, factor, log.rest, log)
+    if (alpha > 1) == (m > 0) and multiplicity(alpha, n) is not None:
+        return None
     energy = energy_of_B(alpha, n) if m > 0 else energy_of_C(alpha, n)
     powers = B_term(alpha, n) if m > 0 else C_term(alpha, n)
     known = fold_power(gap, degree / 2)
