@@ -136,7 +136,7 @@ class PoolRun:
     @property
     def is_to_be_noted(self) -> bool:
         """A child has begun with a job that is to be alone, since an earlier worker was lost with it."""
-        return self.claims[0].alone and self.future.running() and not self.is_noted
+        return self.claims[0].alone and self.batch.is_taken and not self.is_noted
 
     @property
     def is_in_vain(self) -> bool:

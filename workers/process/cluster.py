@@ -114,6 +114,11 @@ class RemoteBatch:
         return self._ended_at or time.monotonic()
 
     @property
+    def is_taken(self) -> bool:
+        """A child is known to have begun it."""
+        return self._began_at > 0.0
+
+    @property
     def is_stuck(self) -> bool:
         """No child has begun it in time."""
         waits = not self.has_ended and self._begun == 0

@@ -65,6 +65,11 @@ class PoolBatch(Protocol):
         ...
 
     @property
+    def is_taken(self) -> bool:
+        """A child has it, or had it, as far as is known."""
+        ...
+
+    @property
     def is_stuck(self) -> bool:
         """No child has taken it, though one should have long ago."""
         ...
