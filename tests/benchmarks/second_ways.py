@@ -17,12 +17,12 @@ from unittest.mock import patch
 import numpy as np
 from flint import arb, ctx
 
+from service.dynamics.formula.algebras.monomials import NotAMonomialSumError
 from service.dynamics.formula.tape import Tape
 from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, Problem, TimeSpan
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
-from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError
 from service.jobs.records import Solved
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.verdicts.examination import examine_problems
@@ -138,7 +138,7 @@ def nothing(*_: object) -> None:
 
 
 def not_a_power_sum(*_: object) -> None:
-    raise NotAPowerSumError
+    raise NotAMonomialSumError
 
 
 @contextmanager

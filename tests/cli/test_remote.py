@@ -12,6 +12,7 @@ import typer
 from typer.testing import CliRunner, Result
 
 from service.cli.commands import app
+from service.terminal import FileFaultError, read_items
 from tests.client.conftest import base, service
 
 __all__ = ["base", "service"]
@@ -153,3 +154,49 @@ def test_labels_are_changed_and_listed(here, base):
         assert rows == [{"labels": document["labels"]}]
     refused = here("tag", thing, "=thesis")
     assert refused.exit_code == 2
+
+
+def test_a_list_goes_on_after_a_refusal_and_tells_every_place(here, base):
+    problems = [base | {"motion": base["motion"] | {"lambda": f"{100 + k}/100"}} for k in range(5)]
+    bad = base | {"body": {"A": -2, "C": 1}}
+    content = "\n".join(json.dumps(each) for each in [*problems[:2], bad, *problems[2:]])
+    listed = here("submit", "-", content=f"{content}\n{{broken\n")
+    lines = [line.split("  ", 2) for line in listed.stdout.splitlines()]
+    assert listed.exit_code == 1
+    assert [int(line[0]) for line in lines] == list(range(7))
+    assert [index for index, line in enumerate(lines) if line[1] == "-"] == [2, 6]
+    assert "/body/A: -2 is not positive" in lines[2][2]
+    assert "number 6: line 1, column 2" in lines[6][2]
+    assert "2 of 7 problems were refused" in listed.stderr
+    # The same list once more has the same jobs, also as a JSON list.
+    again = here("submit", "-", content=json.dumps([*problems[:2], bad, *problems[2:]]))
+    assert [line.split()[1] for line in again.stdout.splitlines()] == [line[1] for line in lines[:6]]
+
+
+def test_a_list_is_waited_for(here, base):
+    failing = base | {"body": {"A": 0, "C": 1}}
+    done = here("submit", "-", "--wait", content=json.dumps([base, failing]))
+    assert done.exit_code == 1
+    first, second = sorted(done.stdout.splitlines())
+    solution = first.split()[1]
+    assert json.loads(here("show", solution, "--json").stdout)["id"] == solution
+    assert second.startswith("1  -  ")
+
+
+def test_a_list_of_any_length_is_read_item_by_item(tmp_path):
+    def items(text):
+        (tmp_path / "list").write_text(text)
+        is_list, found = read_items(tmp_path / "list")
+        return is_list, [str(each) if isinstance(each, FileFaultError) else each for each in found]
+
+    many = [{"a": list(range(100))} for _ in range(2000)]
+    assert items(json.dumps(many)) == items(json.dumps(many, indent=1)) == (True, many)
+    assert items("\n".join(json.dumps(each) for each in many)) == (True, many)
+    assert items(json.dumps(many[0], indent=1)) == items(json.dumps(many[0])) == (False, [many[0]])
+    assert items("[]") == (True, [])
+    # One that repeats a field is refused in its place, as the service would.
+    is_list, found = items('[{"a": 1}, {"a": 1, "a": 2}, {"b": 1}]')
+    assert (is_list, found[0], found[2]) == (True, {"a": 1}, {"b": 1})
+    assert "number 1: " in found[1]
+    assert "what follows is not read" in items('[{"a": 1} {"b": 1}]')[1][-1]
+    assert "what follows is not read" in items('[{"a": 1}, {"b": ')[1][-1]

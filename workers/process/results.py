@@ -15,6 +15,7 @@ from service.logs import Complaints, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database.availability import is_away
 from workers.process.batches import TakingTerms
+from workers.process.pool import ReturnedError
 
 logger = logging.getLogger(__name__)
 
@@ -127,7 +128,10 @@ class Results:
 
     def record(self, claim: Claim, fault: BaseException, *, has_begun: bool = True) -> None:
         """Write why an attempt has no result."""
-        if isinstance(fault, NeedsKernelsError):
+        if isinstance(fault, ReturnedError):
+            logger.info("job %s attempt %d: %s", claim.job_id, claim.attempt, fault)
+            self._store.give_back(claim, str(fault))
+        elif isinstance(fault, NeedsKernelsError):
             self._wait_for_kernels(claim, fault)
         elif isinstance(fault, SandboxCrashError) or not has_begun:
             logger.warning("job %s attempt %d: %s", claim.job_id, claim.attempt, fault)

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 from service.jobs.records import AtlasResult, ChunkOutcome, JobKind, Refused, SolveOutcome, StoredSolution
 
 if TYPE_CHECKING:  # the children that load this module need no database
-    from workers.process.runner import Computations
+    from workers.process.pool import Computations
 
 Call = Callable[[], None]
 

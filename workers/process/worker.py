@@ -24,8 +24,9 @@ from service.storage.database.availability import is_away
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import WorkerRegistry
+from workers.process.pool import Computations, LocalPool
 from workers.process.results import JobLimits
-from workers.process.runner import WATCH_SECONDS, Computations, Runner
+from workers.process.runner import WATCH_SECONDS, Runner
 from workers.process.start import Waker, Warming
 
 if TYPE_CHECKING:
@@ -304,16 +305,8 @@ def _loop(
         max_attempts=settings.max_attempts,
         retry_seconds=settings.retry_seconds,
     )
-    runner = Runner(
-        SqlJobStore(database),
-        equipment.sandbox,
-        computations,
-        name=worker.name,
-        slots=worker.slots,
-        limits=limits,
-        wake=equipment.waker,
-        outlook=presence.outlook,
-    )
+    pool = LocalPool(equipment.sandbox, computations, slots=worker.slots, wake=equipment.waker)
+    runner = Runner(SqlJobStore(database), pool, name=worker.name, limits=limits, outlook=presence.outlook)
     notifications = _notifications(database) if database.announces_jobs else None
     loop = EngineLoop(
         runner,

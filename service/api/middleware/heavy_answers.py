@@ -15,6 +15,8 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.dependencies import Resources
+from service.api.formats.lists import Found, ListedRows, media_type_of
+from service.api.formats.negotiation import JSON
 from service.api.heavy_reads import Reader
 from service.api.middleware.caching import is_head
 from service.api.middleware.security import holder_of
@@ -95,13 +97,14 @@ async def made_in_a_slot(request: Request, inside: Resources, make: Callable[[],
     return _Counted(answer, await while_connected(request, reads.hold(reader, size_of(answer))))
 
 
-async def listed(
-    request: Request, inside: Resources, listing: Listing, make: Callable[[], Response]
-) -> Response:
-    """Return a page of a list: in a slot of heavy reads if its conditions or its order may take long."""
+async def listed(request: Request, inside: Resources, listing: Listing, rows: ListedRows[Found]) -> Response:
+    """Return a list: in a slot of heavy reads if it is a stream, or its conditions or order may take long."""
     query = listing.query
     if query.is_estimated:
         return listing.estimate()
+    make = partial(rows.answer, request, listing)
+    if media_type_of(listing.format, request.headers.get("accept")) != JSON:
+        return await made_in_a_slot(request, inside, make)
     is_quick = all(each.subject.name in _INDEXED for each in query.conditions)
     is_by_age = all(key.subject.name in _AGE for key in query.order)
     is_bounded = not query.is_counted or query.count_limit is not None

@@ -24,7 +24,11 @@ def submit(
     key: Key = None,
     as_json: AsJson = False,
 ) -> None:
-    """Submit a problem, or a list of problems, to a service, and print the ids of the jobs."""
+    """Submit a problem, or a list of any length (JSON, NDJSON), to a service, and print the ids of the jobs.
+
+    Of a list there is a line for each problem: its index, and its job or the reason of its refusal, which
+    does not stop the others. A list that is submitted again within a day has the same jobs.
+    """
     from service.cli.remote.work import submit_file  # noqa: PLC0415
 
     submit_file(file, wait=wait, url=url, key=key, as_json=as_json)

@@ -1,9 +1,12 @@
 """The work of the remote commands: ask by the client, and print tables for people or JSON for programs."""
 
 import json
+import sys
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Self
 
 import typer
 
@@ -11,12 +14,22 @@ import polhode as ph
 from polhode.clients import Resource
 from polhode.jobs import Job
 from polhode.listings import Item, Listing
+from polhode.lists import JobList, submitted
 from polhode.motions import Motion
 from polhode.sweeps import Sweep
 from polhode.transport.carriers import ThreadCarrier
 from service.cli.common import REFUSED, WRONG_USAGE, fail
 from service.logs import one_line
-from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
+from service.terminal import (
+    STANDARD_STREAM,
+    FileFaultError,
+    OutputFile,
+    answer,
+    check_writable,
+    read_document,
+    read_items,
+    say,
+)
 
 _LONGEST = 100
 
@@ -80,20 +93,120 @@ def connected(url: str | None, key: str | None) -> Iterator[ph.Client]:
 
 
 def submit_file(file: Path, *, wait: bool, url: str | None, key: str | None, as_json: bool) -> None:
-    """Submit the document of a file."""
-    document = read_document(file)
-    listed = document if isinstance(document, list) else [document]
-    problems = [each for each in listed if isinstance(each, dict)]
-    if len(problems) < len(listed):
-        fail(f"{file}: a problem is a JSON object, and a list is one of such", REFUSED)
+    """Submit the document of a file, or all of its list: what is refused does not stop the others."""
+    is_list, documents = read_items(file)
     with connected(url, key) as client:
-        jobs = [client.submit(each) for each in problems]
+        if is_list:
+            _submit_list(client, documents, wait=wait, as_json=as_json)
+            return
+        document = next(documents)
+        if isinstance(document, FileFaultError):
+            raise document
+        if not isinstance(document, dict):
+            fail(f"{file}: a problem is a JSON object, and a list is one of such", REFUSED)
+        job = client.submit(document)
         if wait:
-            _wait(client, [job.id for job in jobs], None, as_json=as_json)
+            _wait(client, [job.id], None, as_json=as_json)
         elif as_json:
-            _print_json([job.document for job in jobs], is_list=isinstance(document, list))
+            _print_json([job.document], is_list=False)
         else:
-            answer("".join(f"{job.id}\n" for job in jobs))
+            answer(f"{job.id}\n")
+
+
+def _submit_list(client: ph.Client, documents: Iterable[object], *, wait: bool, as_json: bool) -> None:
+    """Submit a list in pieces; print a line for each problem: its index, and its job or the reason.
+
+    Exits with 1 in the end if any was refused.
+    """
+    ids: list[str | None] = []
+    errors: dict[int, ph.PolhodeError] = {}
+    shown: list[Mapping[str, object]] = []
+    with Bar("submitted") as bar:
+        for outcome in submitted(client.carrier, map(_problem_or_error, documents)):
+            ids.append(outcome.id)
+            if outcome.error is not None:
+                errors[outcome.index] = outcome.error
+            elif outcome.job is not None and as_json and not wait:
+                shown.append(outcome.job)
+            bar.show(len(ids), f"{len(errors)} refused" if errors else "")
+            if not (as_json or wait):
+                bar.hide()
+                answer(_line_of(outcome.index, outcome.id, outcome.error))
+    if wait:
+        _wait_for_list(client, ids, errors, as_json=as_json)
+    elif as_json:
+        shown += [_error_document(index, error) for index, error in errors.items()]
+        _print_json(shown, is_list=True)
+    if errors:
+        say(f"{len(errors)} of {len(ids)} problems were refused or failed")
+        raise typer.Exit(REFUSED)
+
+
+def _wait_for_list(
+    client: ph.Client, ids: Sequence[str | None], errors: dict[int, ph.PolhodeError], *, as_json: bool
+) -> None:
+    """Wait for the jobs of a list; print a line for each as it ends, and put what failed into ``errors``."""
+    solved: dict[int, Mapping[str, object]] = {}
+    with Bar("solved") as bar:
+        for index, outcome in JobList(client.carrier, ids, errors).as_completed():
+            if isinstance(outcome, Motion):
+                solved[index] = outcome.document
+            else:
+                errors[index] = outcome
+            bar.show(len(solved) + len(errors), f"of {len(ids)}")
+            if not as_json:
+                bar.hide()
+                known = outcome.id if isinstance(outcome, Motion) else None
+                answer(_line_of(index, known, errors.get(index)))
+    if as_json:
+        failed = [_error_document(index, error) for index, error in errors.items()]
+        _print_json([*(solved[index] for index in sorted(solved)), *failed], is_list=True)
+
+
+def _problem_or_error(document: object) -> Mapping[str, object] | ph.PolhodeError:
+    if isinstance(document, FileFaultError):
+        return ph.WrongArgumentError(str(document))
+    if not isinstance(document, dict):
+        return ph.WrongArgumentError("a problem is a JSON object")
+    return document
+
+
+def _line_of(index: int, thing_id: str | None, error: ph.PolhodeError | None) -> str:
+    reason = "" if error is None else " ".join(str(error).split())
+    return f"{index}  {thing_id or '-'}{'  ' + one_line(reason) if reason else ''}\n"
+
+
+def _error_document(index: int, error: ph.PolhodeError) -> dict[str, object]:
+    return {"index": index, "problem": getattr(error, "document", None) or {"detail": str(error)}}
+
+
+class Bar:
+    """A line on a terminal that tells how far something is; nothing where nobody watches."""
+
+    _SECONDS = 0.1
+
+    def __init__(self, what: str) -> None:
+        self._what, self._shown, self._is_watched = what, 0.0, sys.stderr is not None and sys.stderr.isatty()
+
+    def show(self, done: int, further: str) -> None:
+        """Show a number, not more often than eyes follow."""
+        now = time.monotonic()
+        if self._is_watched and now - self._shown >= self._SECONDS:
+            self._shown = now
+            sys.stderr.write(f"\r{self._what} {done:,} {further}\x1b[K")
+            sys.stderr.flush()
+
+    def hide(self) -> None:
+        """Clear the line, for what is printed next."""
+        if self._is_watched and self._shown:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.hide()
 
 
 def wait_for_all(

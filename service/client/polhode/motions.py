@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Generic, Literal
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from polhode import evaluation
 from polhode import showing as drawing
@@ -158,12 +158,18 @@ class Motion(Generic[CarrierT]):
 
     @operation
     def at(self, times: ArrayLike) -> Operation[Samples]:
-        """Return the variables at any times, one or many, evaluated here with the bits of the service.
+        """Return the variables at any times, evaluated here with the bits of the service.
+
+        Parameters
+        ----------
+        times
+            One, or an array of any shape, which the columns have too; up to ±1e15.
 
         Raises
         ------
         WrongArgumentError
-            The motion has no period, and a time is outside the range that was computed.
+            A time is no finite number or too far away; or the motion has no period, and a time is outside
+            the range that was computed.
         """
         return (yield from self._at(times))
 
@@ -239,11 +245,13 @@ class Motion(Generic[CarrierT]):
         return drawing.sphere(samples.gamma, ax)
 
     def _at(self, times: ArrayLike) -> Operation[Samples]:
+        asked = evaluation.instants(times)
         function = yield from self._fetched()
-        asked: NDArray[np.float64] = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        columns = evaluation.columns_at(function, asked)
-        errors = evaluation.errors_at(function, asked)
-        return Samples({"t": asked, **columns}, {"t": 0.0, **{name: errors[name] for name in columns}})
+        flat = asked.ravel()
+        columns = evaluation.columns_at(function, flat)
+        errors = evaluation.errors_at(function, flat)
+        shaped = {name: each.reshape(asked.shape) for name, each in columns.items()}
+        return Samples({"t": asked, **shaped}, {"t": 0.0, **{name: errors[name] for name in columns}})
 
     def _fetched(self) -> Operation[FunctionOfTime]:
         if self._function is None:

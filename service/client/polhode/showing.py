@@ -93,6 +93,16 @@ def table_html(title: str, facts: Mapping[str, object], picture: str = "") -> st
     return f"<div style='display:flex;gap:1em;align-items:center'>{table}{picture}</div>"
 
 
+def rows_html(title: str, columns: Sequence[str], rows: Sequence[Mapping[str, object]]) -> str:
+    """Return an HTML table with a row for each of ``rows``."""
+    head = "".join(f"<th style='text-align:left'>{escape(name)}</th>" for name in columns)
+    body = "".join(
+        f"<tr>{''.join(f'<td>{escape(_cell(row.get(name)))}</td>' for name in columns)}</tr>" for row in rows
+    )
+    caption = f"<caption style='text-align:left'><b>{escape(title)}</b></caption>"
+    return f"<table>{caption}<tr>{head}</tr>{body}</table>"
+
+
 def sphere_svg(gamma: NDArray[np.float64]) -> str:
     """Return a picture of a path on the unit sphere, shape (n, 3); what is behind is pale."""
     across, up, towards = _axes()
@@ -131,6 +141,12 @@ def _axes() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float6
     across = np.cross(np.array([0.0, 0.0, 1.0]), towards)
     across /= np.linalg.norm(across)
     return across, np.cross(towards, across), towards
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    return f"{value:.10g}" if isinstance(value, float) else _short(value)
 
 
 def _short(value: object) -> str:

@@ -59,7 +59,8 @@ class JobPageOut(ResponseModel):
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
     next: str | None = Field(
-        description="Path and query of the next page, also in the header Link; null on the last one."
+        description="Query of the next page, to be resolved against the URL that was asked; also in the"
+        " header Link. Null on the last one."
     )
 
 
@@ -114,7 +115,8 @@ class ChunkJobPageOut(ResponseModel):
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
     next: str | None = Field(
-        description="Path and query of the next page, also in the header Link; null on the last one."
+        description="Query of the next page, to be resolved against the URL that was asked; also in the"
+        " header Link. Null on the last one."
     )
 
 
@@ -211,4 +213,7 @@ class ProblemDetailsOut(ResponseModel):
     checks: dict[str, str] = Field(description="With `not_ready`.")
     referrers: list[str] = Field(description="With `in_use`: paths of what refers to it, 100 at most.")
     needed_role: str = Field(description="With `role_insufficient`.")
+    exceeds_limit: Literal[True] = Field(
+        description="With `too_many_queued_jobs`: even an empty queue would not take so many at once."
+    )
     request_id: str = Field(description="Also in the header X-Request-ID, and in the log of the service.")

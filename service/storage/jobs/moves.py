@@ -22,7 +22,7 @@ from service.jobs.records import (
     pause_after,
     sources,
 )
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Document, instant_text
 from service.storage.database.rows import database_now
 from service.storage.jobs.records import attempt_of
 from service.storage.tables.base import DatabaseNow, table_of
@@ -161,8 +161,8 @@ def _lost_worker_error(history: Sequence[Attempt], losses: int) -> Document:
             {
                 "attempt": attempt.number,
                 "worker": attempt.worker,
-                "started_at": attempt.started_at.isoformat(),
-                "ended_at": attempt.ended_at and attempt.ended_at.isoformat(),
+                "started_at": instant_text(attempt.started_at),
+                "ended_at": attempt.ended_at and instant_text(attempt.ended_at),
                 "outcome": attempt.outcome,
                 "detail": attempt.detail,
             }

@@ -10,12 +10,12 @@ import pytest
 
 from service.jobs.queue import BatchSize
 from service.jobs.records import AttemptOutcome, Claim, JobKind, JobState
-from service.sandbox import Sandbox
 from tests.workers import chores
 from tests.workers.process.together import LIMITS, Together
 from tests.workers.processes import wait_until
 from workers.process import runner as runner_module
-from workers.process.batches import Ledger, compute_in_turn, shared_out
+from workers.process.batches import shared_out
+from workers.process.pool import Ledger, compute_in_turn
 from workers.process.results import JobLimits
 
 pytestmark = pytest.mark.any_database
@@ -33,31 +33,23 @@ class FiveAtOnce(BatchSize):
 
 
 @pytest.fixture
-def sandbox():
-    sandbox = Sandbox(1, memory_mb=LIMITS.memory_mb)
-    sandbox.start()
-    yield sandbox
-    sandbox.close()
-
-
-@pytest.fixture
-def together(jobs, sandbox, monkeypatch):
+def together(jobs, pool, take_batch_seconds, monkeypatch):
     monkeypatch.setattr(runner_module, "BatchSize", FiveAtOnce)
     # Of a batch everything is begun, however busy the machine.
-    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 60.0)
+    take_batch_seconds(60.0)
     made = []
 
     def start(**limits) -> Together:
         chosen = {name: getattr(LIMITS, name) for name in JobLimits.__slots__}
-        made.append(Together(jobs, sandbox, JobLimits(**{**chosen, **limits})))
-        counted = made[-1].batches
+        made.append(Together(jobs, pool, JobLimits(**{**chosen, **limits})))
+        counted, start_batch = made[-1].batches, pool.start
 
-        class Counted(Ledger):
-            def __init__(self):
-                super().__init__()
-                counted.append(1)
+        def start_counted(kind, calls, *, seconds):
+            if len(calls) > 1:
+                counted.append(len(calls))
+            return start_batch(kind, calls, seconds=seconds)
 
-        monkeypatch.setattr(runner_module, "Ledger", Counted)
+        monkeypatch.setattr(pool, "start", start_counted)
         return made[-1]
 
     yield start
@@ -103,8 +95,8 @@ def test_one_that_fails_fails_alone(together, chore, state, code, attempts):
     assert [crew.outcomes(job_id) for job_id in others] == [[AttemptOutcome.SUCCEEDED]] * len(others)
 
 
-def test_the_time_limit_of_one_is_not_that_of_the_others(together, monkeypatch):
-    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 0.0)
+def test_the_time_limit_of_one_is_not_that_of_the_others(together, take_batch_seconds):
+    take_batch_seconds(0.0)
     crew = together(job_seconds=1.0)
     ids = crew.submit({}, {"chore": "spin"}, {}, {}, {})
     states = crew.finish(ids)
@@ -127,8 +119,8 @@ def test_cancelling_the_one_that_runs_kills_its_child_and_no_other_job(together,
     wait_until(lambda: not Path(f"/proc/{begun(log)[0]}").exists())
 
 
-def test_jobs_behind_a_long_one_go_back_to_the_queue_for_others(together, jobs, tmp_path, monkeypatch):
-    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 0.0)
+def test_jobs_behind_a_long_one_go_back_to_the_queue_for_others(together, jobs, tmp_path, take_batch_seconds):
+    take_batch_seconds(0.0)
     crew, log = together(), tmp_path / "log"
     ids = crew.submit({"chore": "sleep", "seconds": 3.0, "log": str(log)}, {}, {}, {}, {})
     wait_until(lambda: crew.turn() or begun(log))

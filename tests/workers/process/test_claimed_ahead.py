@@ -5,7 +5,6 @@ from sqlalchemy.exc import OperationalError
 
 from service.jobs.queue import BatchSize
 from service.jobs.records import AttemptOutcome, JobState
-from service.sandbox import Sandbox
 from tests.workers.process.together import LIMITS, Together
 from tests.workers.processes import wait_until
 from workers.process import runner as runner_module
@@ -29,19 +28,11 @@ class EightAtOnce(BatchSize):
 
 
 @pytest.fixture
-def sandbox():
-    sandbox = Sandbox(1, memory_mb=LIMITS.memory_mb)
-    sandbox.start()
-    yield sandbox
-    sandbox.close()
-
-
-@pytest.fixture
-def crew(jobs, sandbox, monkeypatch):
+def crew(jobs, pool, take_batch_seconds, monkeypatch):
     monkeypatch.setattr(runner_module, "BatchSize", EightAtOnce)
     # Of a batch everything is begun, however busy the machine.
-    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 60.0)
-    crew = Together(jobs, sandbox, LIMITS)
+    take_batch_seconds(60.0)
+    crew = Together(jobs, pool, LIMITS)
     yield crew
     crew.runner.give_back()
 
@@ -62,9 +53,9 @@ def test_the_next_batch_is_claimed_beside_the_first_and_each_job_is_done_once(cr
 
 
 def test_what_waits_while_nothing_is_begun_goes_back_to_the_queue_for_others(
-    crew, jobs, tmp_path, monkeypatch
+    crew, jobs, tmp_path, take_batch_seconds
 ):
-    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 0.0)
+    take_batch_seconds(0.0)
     log = tmp_path / "log"
     ids = crew.submit(
         {"chore": "sleep", "seconds": 3.0, "log": str(log)}, *({} for _ in range(2 * BATCH - 1))
