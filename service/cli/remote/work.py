@@ -22,6 +22,8 @@ from polhode.transport.carriers import ThreadCarrier
 from service.cli.common import REFUSED, WRONG_USAGE, fail
 from service.logs import one_line
 from service.schemas.replies.solution_text import curve_text, describe_record, potential_text, rounded
+from service.schemas.replies.verdict import VerdictOut
+from service.schemas.replies.verdict_text import describe_verdict
 from service.terminal import (
     STANDARD_STREAM,
     FileFaultError,
@@ -207,6 +209,25 @@ class Bar:
 
     def __exit__(self, *_: object) -> None:
         self.hide()
+
+
+def judge_file(file: Path, *, url: str | None, key: str | None, as_json: bool) -> None:
+    """Print the verdict of a service on the document of a file; exit with 1 if it is not admissible."""
+    document = read_document(file)
+    if not isinstance(document, dict):
+        fail(f"{file}: a question is a JSON object with body and potential", REFUSED)
+    with connected(url, key) as client:
+        found = client.judge(document).document
+    if as_json:
+        answer(json.dumps(found) + "\n")
+    verdict = VerdictOut.model_validate(found)
+    if verdict.verdict is None:
+        say("a motion from any state: its potential needs no verdict")
+        return
+    if not as_json:
+        answer(f"{describe_verdict(verdict)}\n")
+    if verdict.verdict != "admissible":
+        fail(f"the potential is {verdict.verdict}", REFUSED)
 
 
 def wait_for_all(
