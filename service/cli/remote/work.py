@@ -22,8 +22,6 @@ from polhode.transport.carriers import ThreadCarrier
 from service.cli.common import REFUSED, WRONG_USAGE, fail
 from service.logs import one_line
 from service.schemas.replies.solution_text import curve_text, describe_record, potential_text, rounded
-from service.schemas.replies.verdict import VerdictOut
-from service.schemas.replies.verdict_text import describe_verdict
 from service.terminal import (
     STANDARD_STREAM,
     FileFaultError,
@@ -220,6 +218,10 @@ def judge_file(file: Path, *, url: str | None, key: str | None, as_json: bool) -
         found = client.judge(document).document
     if as_json:
         answer(json.dumps(found) + "\n")
+    # Loaded for a verdict only: other commands are there sooner.
+    from service.schemas.replies.verdict import VerdictOut  # noqa: PLC0415
+    from service.schemas.replies.verdict_text import describe_verdict  # noqa: PLC0415
+
     verdict = VerdictOut.model_validate(found)
     if verdict.verdict is None:
         say("a motion from any state: its potential needs no verdict")
