@@ -124,8 +124,17 @@ def validate(
         str | None,
         typer.Option(metavar="FORMATS", help="the formulas as text,latex,mathml, simplified where possible"),
     ] = None,
+    url: Annotated[str | None, typer.Option(help="ask the service there, which is quicker")] = None,
+    key: Key = None,
 ) -> None:
     """Tell whether a potential admits planar motions, or whether a whole problem can be solved."""
+    if url is not None or key is not None:
+        if formulas is not None:
+            fail("--formulas is of this machine; a service is asked without it", WRONG_USAGE)
+        from service.cli.remote.work import judge_file  # noqa: PLC0415
+
+        judge_file(file, url=url, key=key, as_json=as_json)
+        return
     from service.cli.validation import validate_file  # noqa: PLC0415
 
     validate_file(file, as_json=as_json, formulas=formulas)

@@ -20,9 +20,6 @@ def columns_of(outputs: Collection[str]) -> list[str]:
     return [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in outputs]
 
 
-NO_CROSS_CHECK = "no_cross_check"
-"""Code of the warning that the second method could not follow the motion, so that nothing was compared."""
-
 EnclosureMethod = Literal["elliptic", "integral"]
 """Ways to an enclosure: elliptic functions, for potentials of three terms; the integral, for any formula."""
 

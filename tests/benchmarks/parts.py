@@ -11,6 +11,7 @@ from tests.benchmarks import (
     estimates,
     examined,
     fast,
+    leaving,
     lists,
     pages,
     precision,
@@ -146,6 +147,7 @@ PARTS: Mapping[str, Part] = {
     "starting": partial(tables, "starting", (starting.starting, starting.new_machine)),
     "compiling": partial(tables, "compiling", (compiling.compiling,)),
     "service": partial(tables, "service", (service.around,)),
+    "leaving": partial(tables, "leaving", (leaving.leaving,)),
     "throughput": partial(
         tables,
         "throughput",

@@ -279,3 +279,26 @@ def test_help_is_there_in_encodings_that_lack_its_letters():
     shown = subprocess.run([POLHODE, "--help"], capture_output=True, env=environment, check=False)
     assert (shown.returncode, shown.stderr) == (0, b"")
     assert b"families" in shown.stdout
+
+
+def test_a_verdict_of_a_service_is_that_of_this_machine(here, service, base):
+    question = json.dumps({name: base[name] for name in ("body", "potential", "motion")})
+    ours, theirs = (
+        here("validate", "-", content=question),
+        here("validate", "-", "--url", service.address, content=question),
+    )
+    assert (theirs.exit_code, theirs.stdout) == (ours.exit_code, ours.stdout) == (0, ours.stdout)
+    assert "verdict     admissible" in theirs.stdout
+    bad = json.dumps({"body": {"A": 2, "C": 1}, "potential": {"type": "gravity", "a": 1, "b": 1}})
+    refused = here("validate", "-", "--url", service.address, content=bad)
+    assert refused.exit_code == 1
+    assert "nearest" in refused.stdout
+
+
+def test_the_nearest_polynomial_is_told_of_a_whole_problem_too(here, base):
+    potential = {"type": "gravity", "a": 1, "b": 1}
+    whole = here("validate", "-", content=json.dumps(base | {"potential": potential}))
+    alone = here("validate", "-", content=json.dumps({"body": base["body"], "potential": potential}))
+    assert whole.exit_code == alone.exit_code == 1
+    (line,) = [each for each in alone.stdout.splitlines() if each.startswith("nearest")]
+    assert line.partition(", least up to")[0] in whole.stderr

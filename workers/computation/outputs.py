@@ -28,7 +28,8 @@ from service.dynamics.further_integrals import (
     FurtherIntegral,
     find_further_integrals,
 )
-from service.dynamics.motion import NO_CROSS_CHECK, Estimate, Motion
+from service.dynamics.methods import NO_CROSS_CHECK
+from service.dynamics.motion import Estimate, Motion
 from service.dynamics.potentials.potential import Notice
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.dynamics.problem import Accuracy, ClassicalMotion, PlanarMotion, Problem, StateMotion

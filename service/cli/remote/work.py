@@ -209,6 +209,29 @@ class Bar:
         self.hide()
 
 
+def judge_file(file: Path, *, url: str | None, key: str | None, as_json: bool) -> None:
+    """Print the verdict of a service on the document of a file; exit with 1 if it is not admissible."""
+    document = read_document(file)
+    if not isinstance(document, dict):
+        fail(f"{file}: a question is a JSON object with body and potential", REFUSED)
+    with connected(url, key) as client:
+        found = client.judge(document).document
+    if as_json:
+        answer(json.dumps(found) + "\n")
+    # Loaded for a verdict only: other commands are there sooner.
+    from service.schemas.replies.verdict import VerdictOut  # noqa: PLC0415
+    from service.schemas.replies.verdict_text import describe_verdict  # noqa: PLC0415
+
+    verdict = VerdictOut.model_validate(found)
+    if verdict.verdict is None:
+        say("a motion from any state: its potential needs no verdict")
+        return
+    if not as_json:
+        answer(f"{describe_verdict(verdict)}\n")
+    if verdict.verdict != "admissible":
+        fail(f"the potential is {verdict.verdict}", REFUSED)
+
+
 def wait_for_all(
     thing_ids: Sequence[str], *, seconds: float | None, url: str | None, key: str | None, as_json: bool
 ) -> None:

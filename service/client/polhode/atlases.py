@@ -5,8 +5,6 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Generic
 
-import pyarrow as pa
-
 from polhode.bands import Change, Part, columns_of, pair, read_change, read_part
 from polhode.documents.problems import Body, Document, Given, question
 from polhode.documents.quantities import Exact, items, written
@@ -19,6 +17,7 @@ from polhode.transport.terms import Terms
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
 
 SVG = "image/svg+xml"
 WAIT_SECONDS = 20
@@ -72,6 +71,9 @@ class Atlas(Generic[CarrierT]):
 
     def table(self) -> "pa.Table":
         """Return a row for each window and λ as an Arrow table, with the names of the service."""
+        # It takes longer to load than all else that a command needs.
+        import pyarrow as pa  # noqa: PLC0415
+
         return pa.table(columns_of(self.parts))
 
     def frame(self) -> "pd.DataFrame":

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Generic, Literal
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import ArrayLike
 
 from polhode import drawing, evaluation
@@ -301,6 +300,9 @@ class Motion(Generic[CarrierT]):
     def _stored(self) -> Operation[Samples]:
         path = f"/v1/solutions/{self.id}/trajectory"
         reply = yield from ask(self.carrier.terms, "GET", path, accept=ARROW)
+        # It takes longer to load than all else that a command needs.
+        import pyarrow as pa  # noqa: PLC0415
+
         table = pa.ipc.open_stream(reply.content).read_all()
         columns = {name: table.column(name).to_numpy() for name in table.column_names}
         error = float(reply.headers[_ERROR_HEADER])

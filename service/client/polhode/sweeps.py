@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Generic, SupportsIndex, overload
 from urllib.parse import urlencode
 
 import numpy as np
-import pyarrow as pa
 
 from polhode import drawing
 from polhode.documents.problems import Document, changed, nearest
@@ -23,6 +22,7 @@ from polhode.transport.steps import Operation, operation
 
 if TYPE_CHECKING:
     import pandas as pd
+    import pyarrow as pa
     import xarray as xr
     from matplotlib.axes import Axes
 
@@ -167,6 +167,9 @@ class Sweep(Generic[CarrierT]):
         query = urlencode([pair for pair in (("where", where), ("order", order)) if pair[1]])
         path = f"/v1/sweeps/{self.id}/points" + (f"?{query}" if query else "")
         reply = yield from ask(self.carrier.terms, "GET", path, accept=ARROW)
+        # It takes longer to load than all else that a command needs.
+        import pyarrow as pa  # noqa: PLC0415
+
         return pa.ipc.open_stream(reply.content).read_all()
 
     def _document(self) -> Operation[Document]:

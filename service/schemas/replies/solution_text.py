@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any  # JSON values: their shapes are those of the resources
 
-from service.dynamics.motion import NO_CROSS_CHECK
+from service.dynamics.methods import NO_CROSS_CHECK
 
 Part = Mapping[str, Any]
 _SIGNIFICANT = 6
