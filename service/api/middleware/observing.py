@@ -21,6 +21,7 @@ ECHO = "Polhode-Echo"
 """Header that is returned as it was sent. Ids do not tell whose an answer is: proxies set them."""
 
 _SANE_ID = re.compile(r"[A-Za-z0-9._:-]{1,128}")
+_ABSOLUTE = re.compile(r"https?://(?P<authority>[^/?#@\s]+)", re.ASCII | re.IGNORECASE)
 _METHODS = frozenset({"GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"})
 _QUIET = ("/livez", "/readyz", "/metrics")
 """Polled often by machines, so logged less."""
@@ -37,6 +38,7 @@ class Observation:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
+        _read_absolute_form(scope)
         sent = Headers(scope=scope)
         request_id = _id_of(sent)
         scope.setdefault("state", {})["request_id"] = request_id
@@ -57,6 +59,18 @@ class Observation:
                 await self._app(scope, receive, send_with_id)
             finally:
                 _observe(scope, status, time.perf_counter() - began)
+
+
+def _read_absolute_form(scope: Scope) -> None:
+    """Read a target such as ``http://host/v1/jobs``, whose authority replaces Host (RFC 9112, 3.2.2)."""
+    found = _ABSOLUTE.match(scope["path"])
+    if found is None:
+        return
+    scope["path"] = scope["path"][found.end() :] or "/"
+    raw = scope.get("raw_path") or b""
+    scope["raw_path"] = raw[found.end() :] or b"/"
+    headers = [(name, value) for name, value in scope["headers"] if name != b"host"]
+    scope["headers"] = [*headers, (b"host", found["authority"].encode())]
 
 
 def standing_headers(scope: Scope) -> dict[str, str]:

@@ -4,7 +4,7 @@ from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from itertools import islice
 from types import ModuleType
 from typing import TYPE_CHECKING, Generic, TypeVar
-from urllib.parse import urlencode
+from urllib.parse import urlencode, urljoin
 
 from polhode.documents.problems import Document
 from polhode.documents.quantities import items
@@ -12,7 +12,7 @@ from polhode.errors import PolhodeError
 from polhode.evaluation import optional
 from polhode.showing import rows_html
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
-from polhode.transport.exchange import ask_json
+from polhode.transport.exchange import ask, ask_json
 from polhode.transport.steps import Operation, operation
 from polhode.transport.terms import Terms
 
@@ -89,6 +89,17 @@ class Listing(Generic[CarrierT, Item]):
         return [self._make(self.carrier, row) for row in rows]
 
     @operation
+    def download(
+        self, file_format: str = "csv", columns: Sequence[str] | None = None, *, limit: int | None = None
+    ) -> Operation[bytes]:
+        """Return all, or the first ``limit``, as a file: ``csv``, ``ndjson``, ``arrow`` or ``parquet``."""
+        query = [*self._query, ("format", file_format)]
+        query += [] if columns is None else [("columns", ",".join(columns))]
+        query += [] if limit is None else [("limit", str(limit))]
+        path = f"{self._path}?{urlencode(query)}"
+        return (yield from ask(self.carrier.terms, "GET", path, accept="*/*")).content
+
+    @operation
     def count(self) -> Operation[int]:
         """Return how many there are."""
         page = yield from ask_json(self.carrier.terms, "GET", self._first(1, [("count", "exact")]))
@@ -153,7 +164,8 @@ class Listing(Generic[CarrierT, Item]):
     def _page(self, path: str) -> Operation[tuple[list[Row], str | None]]:
         page = yield from ask_json(self.carrier.terms, "GET", path)
         following = page["next"]
-        return items(page["items"]), None if following is None else str(following)
+        # The query alone, or of an older service with its path.
+        return items(page["items"]), None if following is None else urljoin(path, str(following))
 
     def _first(self, limit: int, query: Sequence[tuple[str, str]]) -> str:
         return f"{self._path}?{urlencode([*self._query, *query, ('limit', str(limit))])}"
