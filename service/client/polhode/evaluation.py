@@ -82,8 +82,8 @@ class FunctionOfTime:
             outside = times[~((times >= first) & (times <= last))]
             if outside.size:
                 raise WrongArgumentError(
-                    f"t = {outside[0]:.17g} is outside [{first:.17g}, {last:.17g}], where this motion was"
-                    " computed; it is not known to be periodic"
+                    f"t = {outside[0]:.17g} is outside [{first:.17g}, {last:.17g}], "
+                    "where this solution was computed; it is not known to be periodic"
                 )
             return self._within(times)
         local, turns = split_time(times, self.period)

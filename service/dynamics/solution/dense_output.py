@@ -202,7 +202,7 @@ class DenseOutput:
         if outside.size:
             raise OutsideHorizonError(
                 f"t = {outside[0]:.17g} is outside [{first:.17g}, {last:.17g}], "
-                "where this solution was computed"
+                "where this solution was computed; it is not known to be periodic"
             )
 
 
