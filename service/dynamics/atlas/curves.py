@@ -22,7 +22,7 @@ from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.geometry.height import log_sine_real, numerator_real
+from service.dynamics.reduction.geometry.point import REALS, make_equator, place_of
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, Shape, shape_of
 from service.dynamics.reduction.sign_proofs.cells import Curves
@@ -160,18 +160,13 @@ def curve_at(
     sin v < 0 is the curve on which the primed g3 has the other sign.
     """
     shape = half.shape
-    alpha = float(shape.alpha)
-    square = cosine * cosine
     with np.errstate(all="ignore"):
-        log_sine = log_sine_real(sine, square)
-        first = shape.first_sign * G * np.exp(alpha * log_sine)
-        third = shape.third_sign * Z * sine
-        ratio = np.where(
-            square > 0.0, numerator_real(alpha, log_sine) / np.where(square > 0.0, square, 1.0), alpha
+        first, height, third, c = place_of(
+            REALS, sine, cosine, make_equator(Z, G, np.asarray(float(shape.alpha)))
         )
-        c = np.sqrt(Z * Z + G * G * ratio)
+    first, third = shape.first_sign * first, shape.third_sign * third
     g1, g3 = (third, first) if shape.is_mirrored else (first, third)
-    return g1, cosine * c, g3, c
+    return g1, height, g3, c
 
 
 def d_on_curves(

@@ -34,7 +34,7 @@ from service.dynamics.formula.algebras.monomials import (
     read,
 )
 from service.dynamics.formula.tape import Tape
-from service.dynamics.reduction.geometry.height import c_squared_range, log_sine_ball
+from service.dynamics.reduction.geometry.point import RANGES, make_equator, place_of
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 from service.dynamics.reduction.sign_proofs.equators import equators
 from service.dynamics.reduction.window import Arc, ArcEnd, Window
@@ -110,21 +110,19 @@ def zeros_at_latitudes(
 def _ends(halves: Sequence[HalfCurves], arc: Arc) -> Iterator[tuple[int, _Latitude, ArcEnd | None]]:
     """Yield the half curves of the ends of an arc with their latitudes; an equator is in both hemispheres."""
     loop = arc.loop
+    common = make_equator(loop.Z, loop.G, ball(loop.alpha))
     for v, end in ((arc.lower, arc.lower_end), (arc.upper, arc.upper_end)):
         sine, cosine = v.sin_cos()
         if sine.contains(0):
             continue
         is_other = (sine > 0) != (halves[0].shape.third_sign > 0)
-        square, alpha = cosine * cosine, ball(loop.alpha)
-        log_sine = log_sine_ball(sine, square)
-        c = c_squared_range(loop.Z * loop.Z, loop.G * loop.G, alpha, log_sine, square).sqrt()
-        first = loop.G * (alpha * log_sine).exp()
-        rho = first * first + loop.Z * loop.Z * sine * sine
+        first, height, third, _ = place_of(RANGES, sine, cosine, common)
+        rho = first * first + third * third
         # Bounds enclose a simple zero, or one of 1/p²; where others are is known to the bits in use, which
         # is no bound.
         room = arb(0) if end in ("rest", "collision") else arb(0, MULTIPLE_ZERO_RADIUS)
         for side in [1] if cosine > AT_EQUATOR_COSINE else [-1] if cosine < -AT_EQUATOR_COSINE else [1, -1]:
-            yield 1 if is_other and len(halves) > 1 else 0, (side, cosine * c + room, rho + room), end
+            yield 1 if is_other and len(halves) > 1 else 0, (side, height + room, rho + room), end
 
 
 def _zeros(half: HalfCurves, single: Sequence[LambdaStretch], latitudes: Sequence[_Latitude]) -> Zeros:

@@ -2,9 +2,12 @@
 
 from collections.abc import Callable
 
-from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx, fmpq_poly
 
-from service.dynamics.formula.tape import Recorder
+from service.dynamics.formula.algebras.monomials import as_fraction
+from service.dynamics.formula.tape import Instruction, Recorder
+
+_G2 = 1
 
 MAX_DEGREE = 16
 MAX_TERMS = 150
@@ -42,6 +45,21 @@ class RegisterPolynomials:
         first, second, third = self.context.gens()
         return polynomial % (first**2 - (1 - second**2 - third**2))
 
+    def in_g2(self, register: int) -> fmpq_poly | None:
+        """Return the polynomial in g2 that a register is on the sphere, None if it is none.
+
+        The square that is replaced is not that of g2.
+        """
+        found = self.of(register)
+        if found is None:
+            return None
+        place, coefficients = self._order.index(_G2), dict[int, fmpq]()
+        for exponents, value in self.on_sphere(found).terms():
+            if any(power for k, power in enumerate(exponents) if k != place):
+                return None
+            coefficients[int(exponents[place])] = value
+        return fmpq_poly([coefficients.get(k, fmpq(0)) for k in range(max(coefficients, default=0) + 1)])
+
     def _made(self, register: int) -> fmpq_mpoly | None:
         made = self._recorder.instruction(register)
         if made is None:
@@ -72,6 +90,18 @@ _OPERATIONS: dict[str, Callable[[fmpq_mpoly, fmpq_mpoly], fmpq_mpoly]] = {
     "multiply": lambda x, y: x * y,
     "divide": lambda x, y: x / y.leading_coefficient(),
 }
+
+
+def written_in_g2(recorder: Recorder, polynomial: fmpq_poly) -> int:
+    """Return the register of a polynomial in g2, by Horner's rule."""
+    *lower, lead = map(as_fraction, polynomial.coeffs() or [fmpq(0)])
+    total = recorder.emit(Instruction("constant", number=lead))
+    for value in reversed(lower):
+        total = recorder.emit(Instruction("multiply", total, _G2))
+        if value:
+            constant = recorder.emit(Instruction("constant", number=value))
+            total = recorder.emit(Instruction("add", total, constant))
+    return total
 
 
 def _is_small(polynomial: fmpq_mpoly) -> bool:

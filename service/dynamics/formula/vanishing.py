@@ -9,9 +9,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from flint import fmpq, fmpq_poly
+from flint import fmpq_poly
 
-from service.dynamics.formula.register_polynomials import RegisterPolynomials
+from service.dynamics.formula.register_polynomials import RegisterPolynomials, written_in_g2
 from service.dynamics.formula.tape import Instruction, Recorder, Tape, without_unused
 
 _G2, _U = 1, 3
@@ -161,15 +161,7 @@ class _Reader:
 
     def polynomial(self, register: int) -> fmpq_poly | None:
         """Return the polynomial in g2 that a register is on the sphere, None if it is none."""
-        found = self._polynomials.of(register)
-        if found is None:
-            return None
-        coefficients: dict[int, fmpq] = {}
-        for (third, first, power), value in self._polynomials.on_sphere(found).terms():
-            if third or first:
-                return None
-            coefficients[int(power)] = value
-        return fmpq_poly([coefficients.get(k, fmpq(0)) for k in range(max(coefficients, default=0) + 1)])
+        return self._polynomials.in_g2(register)
 
 
 def _by_register(tape: Tape, register: int) -> VanishingPart:
@@ -193,9 +185,11 @@ def _by_factor(tape: Tape, reader: _Reader, factor: fmpq_poly) -> VanishingPart:
             at.append(register if made is None else recorder.emit(_moved(made, at)))
             continue
         new = _U if power == 1 else recorder.emit(Instruction("power", _U, number=Fraction(power)))
-        at.append(recorder.emit(Instruction("multiply", new, _written(recorder, cofactor))))
+        at.append(recorder.emit(Instruction("multiply", new, written_in_g2(recorder, cofactor))))
     part = Recorder(_VARIABLES)
-    return VanishingPart(part.whole(_written(part, factor)), without_unused(recorder.whole(at[tape.result])))
+    return VanishingPart(
+        part.whole(written_in_g2(part, factor)), without_unused(recorder.whole(at[tape.result]))
+    )
 
 
 def _divided(polynomial: fmpq_poly | None, factor: fmpq_poly) -> tuple[int, fmpq_poly]:
@@ -207,15 +201,3 @@ def _divided(polynomial: fmpq_poly | None, factor: fmpq_poly) -> tuple[int, fmpq
             break
         rest, power = quotient, power + 1
     return power, rest
-
-
-def _written(recorder: Recorder, polynomial: fmpq_poly) -> int:
-    """Return the register of a polynomial in g2, by Horner's rule."""
-    *lower, lead = (Fraction(int(x.p), int(x.q)) for x in polynomial.coeffs())
-    total = recorder.emit(Instruction("constant", number=lead))
-    for value in reversed(lower):
-        total = recorder.emit(Instruction("multiply", total, _G2))
-        if value:
-            constant = recorder.emit(Instruction("constant", number=value))
-            total = recorder.emit(Instruction("add", total, constant))
-    return total

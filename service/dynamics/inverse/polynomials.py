@@ -5,7 +5,6 @@ Potentials that agree on the sphere |g|² = 1 are the same.
 
 from collections.abc import Mapping
 from fractions import Fraction
-from itertools import chain
 
 from service.dynamics.formula.algebras.monomials import (
     SPHERE,
@@ -14,7 +13,7 @@ from service.dynamics.formula.algebras.monomials import (
     as_fmpq,
     as_fraction,
     reduced,
-    scaled_terms,
+    weighted_sum,
     without_zeros,
 )
 from service.dynamics.inverse.monomial_sums import expand
@@ -90,7 +89,7 @@ def product(left: PolynomialSum, right: PolynomialSum) -> dict[Exponents, Fracti
 
 def difference(left: PolynomialSum, right: PolynomialSum) -> dict[Exponents, Fraction]:
     """Return left - right."""
-    return without_zeros(added_up(chain(left.items(), scaled_terms(right, Fraction(-1)))))
+    return weighted_sum(((Fraction(1), left), (Fraction(-1), right)))
 
 
 def quadratic(alpha: Fraction) -> dict[Exponents, Fraction]:

@@ -7,11 +7,10 @@ power; what is left beside them is a constant and Q times a function of g2.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import chain
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.algebras.monomials import added_up, scaled_terms
-from service.dynamics.inverse.monomial_sums import GENERATORS, Expansion, MonomialSum, Powers, unit
+from service.dynamics.formula.algebras.monomials import weighted_sum
+from service.dynamics.inverse.monomial_sums import GENERATORS, Expansion, MonomialSum, unit
 from service.dynamics.inverse.section import section
 from service.dynamics.potentials.families.homogeneous import B_term, C_term, energy_of_B, energy_of_C
 from service.dynamics.potentials.terms.logarithmic import energy_of_log, log_term, multiplicity
@@ -42,25 +41,23 @@ def read_terms(body: RigidBody, expansion: Expansion | None, energy: EnergyTerms
     if expansion is None or energy is None:
         return None
     weights: dict[str, dict[int, Fraction]] = {"B": {}, "C": {}, "log": {}}
-    taken: list[tuple[Powers, Fraction]] = []
+    parts: list[tuple[Fraction, MonomialSum]] = [(Fraction(1), expansion.terms)]
     constant = _ZERO
     for (power, factor), value in energy.items():
         if factor:
             return None
         if power == 0:
             constant = value
-            taken.append(((_ZERO,) * GENERATORS, -value))
+            parts.append((-value, {(_ZERO,) * GENERATORS: Fraction(1)}))
             continue
         index = _index(body.alpha, power)
         if index is None:
             return None
         name, n = index
-        weight, monomials = value / _energy(body.alpha, name, n), _monomials(body.alpha, name, n)
-        weights[name][n] = weight
-        taken.extend(scaled_terms(monomials, -weight))
+        weight = weights[name][n] = value / _energy(body.alpha, name, n)
+        parts.append((-weight, _monomials(body.alpha, name, n)))
     # H of the rest is zero: it is Q G(g2), and its values on one section are enough.
-    rest = added_up(chain(expansion.terms.items(), taken))
-    G = section(body, Expansion(rest, expansion.atoms))
+    G = section(body, Expansion(weighted_sum(parts), expansion.atoms))
     A = None if G is None else G.polynomial()
     if A is None or len(A) > MAX_TERMS:
         return None

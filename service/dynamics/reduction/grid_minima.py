@@ -55,7 +55,7 @@ class GridMinima:
         if not slope > 0.0:
             return False
         # What is narrower than a step of the grid bends P at the zero, or does not concern it.
-        near = abs(float(loop.radicand_from(*(zero.mid() + SLOPE_DISTANCE).sin_cos()))) / SLOPE_DISTANCE
+        near = abs(float(loop.point(zero.mid() + SLOPE_DISTANCE).P)) / SLOPE_DISTANCE
         return slope < LINE_SLOPE_RATIO * near < LINE_SLOPE_RATIO * LINE_SLOPE_RATIO * slope
 
 

@@ -20,7 +20,7 @@ from service.dynamics.formula.algebras.monomials import (
     added_up,
     read,
     reduced,
-    scaled_terms,
+    weighted_sum,
     without_zeros,
 )
 from service.dynamics.potentials.terms.laurent import laurent
@@ -194,7 +194,8 @@ def test_equal_keys_are_added_and_zeros_left_out_without_changing_the_value(term
     total = added_up(terms)
     assert list(total) == list(dict.fromkeys(power for power, _ in terms))
     assert polynomial_at(total.items(), x) == polynomial_at(terms, x)
-    assert polynomial_at(scaled_terms(total, factor), x) == factor * polynomial_at(terms, x)
+    weighted = weighted_sum([(factor, total), (Fraction(2), {0: x})])
+    assert polynomial_at(weighted.items(), x) == factor * polynomial_at(terms, x) + 2 * x
     kept = without_zeros(total)
     assert all(kept.values())
     assert polynomial_at(kept.items(), x) == polynomial_at(terms, x)

@@ -1,7 +1,6 @@
 """The loop of a planar motion in doubles, which guides a proof and is not part of it."""
 
 from fractions import Fraction
-from typing import NamedTuple
 
 import numpy as np
 from flint import arb
@@ -9,8 +8,8 @@ from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
-from service.dynamics.reduction.geometry.height import log_sine_real, numerator_real
 from service.dynamics.reduction.geometry.loop import Loop
+from service.dynamics.reduction.geometry.point import REALS, make_equator, place_of
 from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 
 FloatArray = NDArray[np.float64]
@@ -41,30 +40,15 @@ class QuietReals(RealAlgebra):
 _REALS = QuietReals()
 
 
-class Places(NamedTuple):
-    """Places on the loop, sin v ≠ 0."""
-
-    sine: FloatArray
-    cosine: FloatArray
-    square: FloatArray
-    """cos²v, not 0: at the equator the smallest double."""
-    log_sine: FloatArray
-
-
-def make_places(sine: FloatArray, cosine: FloatArray) -> Places:
-    """Return the places with these sin v and cos v."""
-    square = np.maximum(cosine * cosine, np.finfo(np.float64).tiny)
-    return Places(sine, cosine, square, log_sine_real(sine, square))
-
-
-def room(loop: Loop, tape: Tape, h: arb, at: Places) -> tuple[FloatArray, FloatArray]:
-    """Return N = h − V, and c²; numpy's warnings must be off."""
-    alpha, Z, G = float(loop.alpha), float(loop.Z), float(loop.G)
-    logs = alpha * at.log_sine
-    c_squared = Z * Z + G * G * numerator_real(alpha, at.log_sine) / at.square
-    gamma = loop.g1_sign * G * np.exp(logs), np.sqrt(c_squared) * at.cosine, Z * at.sine
+def room(
+    loop: Loop, tape: Tape, h: arb, sine: FloatArray, cosine: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return N = h − V, |g1/g3| and c at places with sin v ≠ 0; numpy's warnings must be off."""
+    Z, G, alpha = (np.asarray(float(each)) for each in (loop.Z, loop.G, loop.alpha))
+    first, height, third, c = place_of(REALS, sine, cosine, make_equator(Z, G, alpha))
+    gamma = loop.g1_sign * first, height, third
     V = tape.evaluate(_REALS, gamma[::-1] if loop.mirrored else gamma)
-    return np.broadcast_to(float(h) - V, at.sine.shape), c_squared
+    return np.broadcast_to(float(h) - V, sine.shape), np.abs(first / third), c
 
 
 def rates(phase: LibrationPhase | RotationPhase, count: int) -> FloatArray:
@@ -77,10 +61,8 @@ def rates(phase: LibrationPhase | RotationPhase, count: int) -> FloatArray:
         lower, upper = float(phase.lower), float(phase.upper)
         v = lower + (upper - lower) * np.sin(theta / 2.0) ** 2
         product = (0.5 * (upper - lower) * np.sin(theta)) ** 2
-    at = make_places(np.sin(v), np.cos(v))
     with np.errstate(all="ignore"):
         # What is beyond doubles is infinite, and so are the rates that nobody takes for known then.
-        ratio = float(loop.A / loop.C) * np.square(np.float64(loop.G) / np.float64(loop.Z))
-        N, c_squared = room(loop, curve.tape, curve.h, at)
-        steep = 1.0 + ratio * np.exp((2.0 * float(loop.alpha) - 2.0) * at.log_sine)
-        return np.asarray(np.sqrt(steep * product / (c_squared * N)))
+        N, ratio, c = room(loop, curve.tape, curve.h, np.sin(v), np.cos(v))
+        steep = 1.0 + float(loop.A / loop.C) * ratio * ratio
+        return np.asarray(np.sqrt(steep * product / (c * c * N)))

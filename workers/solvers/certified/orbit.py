@@ -13,7 +13,7 @@ from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.start import StartingPoint, StartOutsideWindowError, starting_point
 from service.dynamics.reduction.window import Arc, EndKind, Window
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
-from workers.solvers.certified.doubles import Places, make_places, room
+from workers.solvers.certified.doubles import room
 
 FloatArray = NDArray[np.float64]
 
@@ -59,7 +59,7 @@ def _saw_every_zero(loop: Loop, h: arb, g3_sign: int) -> bool:
     """
     places, count = _places(), len(SCANNED)
     with np.errstate(all="ignore"):
-        N = room(loop, loop.potential.tape, h, places.half if g3_sign > 0 else places.other)[0]
+        N = room(loop, loop.potential.tape, h, g3_sign * places.sine, places.cosine)[0]
         changes = int(np.count_nonzero(N[1:count] * N[: count - 1] < 0.0))
         # Power laws at the poles are levelled, which moves no zero.
         powers = np.log(N[1] / N[0]) * places.north + np.log(N[count - 2] / N[count - 1]) * places.south
@@ -97,9 +97,8 @@ CENTRES = (-0.75, -0.25, 0.25, 0.75)
 class _Places(NamedTuple):
     """SCANNED, and the nodes of all panels, node by node."""
 
-    half: Places
-    other: Places
-    """With the other sign of sin v."""
+    sine: FloatArray
+    cosine: FloatArray
     north: FloatArray
     south: FloatArray
     """How far they are beyond OUTER."""
@@ -113,9 +112,8 @@ def _places() -> _Places:
     nodes = 0.5 * ((edges[1:] + edges[:-1]) + np.diff(edges) * chebyshev_points(DEGREE)[:, None])
     y = np.concatenate((SCANNED, nodes.ravel()))
     north, south = (np.maximum(sign * y - OUTER, 0.0) for sign in (-1.0, 1.0))
-    half = make_places(1.0 / np.cosh(y), -np.tanh(y))
-    other = half._replace(sine=-half.sine)
-    return _Places(half, other, north, south, chebyshev_coefficients(np.eye(DEGREE + 1)))
+    matrix = chebyshev_coefficients(np.eye(DEGREE + 1))
+    return _Places(1.0 / np.cosh(y), -np.tanh(y), north, south, matrix)
 
 
 @cache

@@ -8,8 +8,8 @@ from flint import arb
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.tape import Instruction, Tape
-from service.dynamics.reduction.geometry.height import c_squared_ball, log_sine_ball
 from service.dynamics.reduction.geometry.loop import Loop
+from service.dynamics.reduction.geometry.point import BALLS, make_equator
 from workers.solvers.complex_plane.complex_loop import MANY, geometric
 
 _Step = tuple[Callable[[arb, arb], arb], int, int]
@@ -62,7 +62,8 @@ class RealLoop:
         self._power = alpha.numerator - 1
         self._is_summed = alpha.denominator == 1 and (alpha <= MANY or side == 0)
         self._alpha, self._first, self._third = ball(alpha), loop.g1_sign * loop.G, loop.Z
-        self._Z_squared, self._G_squared = loop.Z * loop.Z, loop.G * loop.G
+        self._equator = make_equator(loop.Z, loop.G, self._alpha)
+        self._Z_squared, self._G_squared = self._equator.Z_squared, self._equator.G_squared
         A, C = ball(loop.A), ball(loop.C)
         # With E = C + A (G/Z)² w^(α−1) is 1/P = A E / (2 C N).
         self._C, self._steepness = C, A * self._G_squared / self._Z_squared
@@ -131,9 +132,9 @@ class RealLoop:
             c_squared = self._Z_squared + self._G_squared * quotient
         else:
             u = cosine * cosine
-            log = log_sine_ball(size, u)
+            log = BALLS.log_sine(size, u)
             power = ((self._alpha - 1) * log).exp()
-            c_squared = c_squared_ball(self._Z_squared, self._G_squared, 2 * self._alpha, log, u)
+            c_squared = BALLS.c_squared(self._equator, log, u)
         return power, power * size, c_squared
 
 

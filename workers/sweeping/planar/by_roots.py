@@ -9,14 +9,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import chain
 
 import numpy as np
 from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.algebras.monomials import added_up, as_fraction, scaled_terms, without_zeros
+from service.dynamics.formula.algebras.monomials import as_fraction, weighted_sum
 from service.dynamics.potentials.terms.laurent import Laurent
 from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods
 from service.dynamics.sampling import SampleTimes, sample_times
@@ -46,9 +45,8 @@ class RationalFamily:
 
     def radicand(self, parameters: Sequence[fmpq], nu: Fraction) -> Radicand | None:
         """Return the radicand at a point, the very one of its own job."""
-        slopes = (scaled_terms(slope, p) for p, slope in zip(parameters, self.slopes, strict=True))
-        total = added_up(chain(self.origin.items(), *slopes))
-        return radicand_of(self.body, without_zeros(total), nu)
+        total = weighted_sum([(fmpq(1), self.origin), *zip(parameters, self.slopes, strict=True)])
+        return radicand_of(self.body, total, nu)
 
     def at(self, lambda_squared: fmpq, start: Fraction | None) -> PlanarMotion:
         """Return the motion of a point, from |g1| = ``start`` where there is one."""
@@ -74,7 +72,7 @@ def rational_family(body: RigidBody, family: SweepFamily, motion: PlanarMotion) 
         body,
         motion,
         origin,
-        tuple(without_zeros(added_up(chain(unit.items(), scaled_terms(origin, fmpq(-1))))) for unit in units),
+        tuple(weighted_sum(((fmpq(1), unit), (fmpq(-1), origin))) for unit in units),
     )
 
 

@@ -403,9 +403,9 @@ def without_zeros(total: Mapping[Key, Ratio]) -> dict[Key, Ratio]:
     return {key: value for key, value in total.items() if value}
 
 
-def scaled_terms(total: Mapping[Key, Ratio], factor: Ratio) -> Iterable[tuple[Key, Ratio]]:
-    """Return the terms of factor · total."""
-    return ((key, factor * value) for key, value in total.items())
+def weighted_sum(parts: Iterable[tuple[Ratio, Mapping[Key, Ratio]]]) -> dict[Key, Ratio]:
+    """Return Σ weight · sum, without zeros."""
+    return without_zeros(added_up((key, weight * x) for weight, terms in parts for key, x in terms.items()))
 
 
 def ratio_of(value: fmpq | Fraction) -> tuple[int, int]:

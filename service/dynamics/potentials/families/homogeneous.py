@@ -16,13 +16,10 @@ at 1/α. The logarithmic solution with the same index fills the gap.
 
 from collections.abc import Iterator
 from fractions import Fraction
-from math import comb
-from typing import TypeVar
-
-from flint import fmpq
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.monomials import weighted_sum
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.tree import Binary, Tree
 from service.dynamics.potentials.potential import Notice, Potential
@@ -36,18 +33,17 @@ from service.dynamics.potentials.terms.powers import (
     MAX_TERMS,
     Coefficients,
     PowerSum,
+    Ratio,
     TooManyTermsError,
+    about_one,
     exchanged,
     monomial_sum,
     power_terms,
     scaled,
     total,
-    weighted_sum,
 )
 
 FAMILY = "homogeneous"
-Ratio = TypeVar("Ratio", Fraction, fmpq)
-"""Exact numbers of either library."""
 
 
 class UndefinedTermError(DynamicsError):
@@ -141,12 +137,7 @@ def C_term(alpha: Fraction, n: int) -> PowerSum:
 
 def B_coefficients(alpha: Ratio, n: int) -> list[Ratio]:
     """Return the coefficients of (g3/g1)^0, (g3/g1)², …, (g3/g1)^(2n) in B_n / |g1|^(2(α-1)(n+1)/α)."""
-    b, c = (1 - alpha) * (n + 1) / alpha, 1 - n + (n + 1) / alpha
-    series = [alpha / alpha]
-    for j in range(n):
-        series.append(series[-1] * (j - n) * (b + j) / ((c + j) * (j + 1)))
-    # Σ series_j (1 + z)^j in powers of z = (g3/g1)²
-    return [sum((comb(j, k) * series[j] for j in range(k + 1, n + 1)), start=series[k]) for k in range(n + 1)]
+    return about_one(-n, (1 - alpha) * (n + 1) / alpha, 1 - n + (n + 1) / alpha, n + 1, alpha / alpha)
 
 
 def energy_of_B(alpha: Fraction, n: int) -> Fraction:

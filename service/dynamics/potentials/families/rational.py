@@ -12,9 +12,15 @@ from math import comb
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
-from service.dynamics.formula.algebras.monomials import added_up, scaled_terms
+from service.dynamics.formula.algebras.monomials import weighted_sum
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.powers import MAX_TERMS, Exponents, TooManyTermsError, monomial_sum
+from service.dynamics.potentials.terms.powers import (
+    MAX_TERMS,
+    Exponents,
+    TooManyTermsError,
+    about_one,
+    monomial_sum,
+)
 
 FAMILY = "rational"
 Laurent = dict[Exponents, Fraction]
@@ -46,38 +52,24 @@ def rational_potential(a: Sequence[Fraction], b: Sequence[Fraction], c: Sequence
     TooManyTermsError
         A list is longer than MAX_TERMS; the pointer names it.
     """
-    terms: list[tuple[Exponents, Fraction]] = []
+    terms: list[tuple[Fraction, Laurent]] = []
     for name, coefficients, term in (("a", a, _a_term), ("b", b, _b_term), ("c", c, _c_term)):
         if len(coefficients) > MAX_TERMS:
             raise TooManyTermsError(name, len(coefficients))
-        for n, coefficient in enumerate(coefficients, start=1):
-            if coefficient:
-                terms.extend(scaled_terms(term(n), coefficient))
-    return Potential.from_tree(monomial_sum(added_up(terms)), FAMILY)
+        terms += [(weight, term(n)) for n, weight in enumerate(coefficients, start=1) if weight]
+    return Potential.from_tree(monomial_sum(weighted_sum(terms)), FAMILY)
 
 
 def U_term(n: int) -> Laurent:
     """Return U_n, n ≥ 1: degree 2n-1."""
-    series = [Fraction(1)]
-    for j in range(2 * n - 2):
-        ratio = Fraction((1 - 2 * n + 2 * j) * (2 - 2 * n + j), (5 - 2 * n + 2 * j) * (j + 1))
-        series.append(series[-1] * ratio)
-    return {(2 * n - 1 - 2 * k, 0, 2 * k): factor for k, factor in enumerate(_about_one(series))}
+    factors = about_one(Fraction(1, 2) - n, 2 - 2 * n, Fraction(5, 2) - n, 2 * n - 1, Fraction(1))
+    return {(2 * n - 1 - 2 * k, 0, 2 * k): factor for k, factor in enumerate(factors)}
 
 
 def W_term(n: int) -> Laurent:
     """Return W_n, n ≥ 1: degree -2n."""
-    series = [Fraction(1)]
-    for j in range(n - 1):
-        series.append(series[-1] * Fraction((2 + j) * (1 - n + j), (2 + n + j) * (j + 1)))
-    return {(2 * n - 2 - 2 * k, 0, 2 * k - 4 * n + 2): factor for k, factor in enumerate(_about_one(series))}
-
-
-def _about_one(series: list[Fraction]) -> list[Fraction]:
-    """Return the coefficients of Σ series_j (1 + z)^j in powers of z."""
-    return [
-        sum((comb(j, k) * series[j] for j in range(k, len(series))), Fraction(0)) for k in range(len(series))
-    ]
+    factors = about_one(2, 1 - n, 2 + n, n, Fraction(1))
+    return {(2 * n - 2 - 2 * k, 0, 2 * k - 4 * n + 2): factor for k, factor in enumerate(factors)}
 
 
 def _a_term(n: int) -> Laurent:

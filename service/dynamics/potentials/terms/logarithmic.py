@@ -13,8 +13,9 @@ from fractions import Fraction
 from math import comb
 
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.monomials import weighted_sum
 from service.dynamics.formula.tree import Binary, Call, Number, Symbol, Tree
-from service.dynamics.potentials.terms.powers import PowerSum, exchanged, monomial_sum, scaled, weighted_sum
+from service.dynamics.potentials.terms.powers import PowerSum, exchanged, monomial_sum, scaled
 
 
 class NoLogTermError(DynamicsError):

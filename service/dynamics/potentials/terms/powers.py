@@ -5,9 +5,12 @@ The families' lists of coefficients are checked here too.
 
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
+from math import comb
+from typing import TypeVar
+
+from flint import fmpq
 
 from service.dynamics.errors import DynamicsError
-from service.dynamics.formula.algebras.monomials import added_up, scaled_terms
 from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Number, Symbol, Tree
 
@@ -15,6 +18,8 @@ MAX_TERMS = 20
 """Length of each list. The degree grows with the index, and with it the cancellation near the poles."""
 
 Coefficients = Sequence[Fraction]
+Ratio = TypeVar("Ratio", Fraction, fmpq)
+"""Exact numbers of either library."""
 
 
 class TooManyTermsError(DynamicsError):
@@ -75,14 +80,17 @@ PowerSum = Mapping[tuple[Fraction, Fraction], Fraction]
 """Coefficients by the exponents of |g1| and |g3|."""
 
 
+def about_one(a: Ratio | int, b: Ratio | int, c: Ratio | int, count: int, one: Ratio) -> list[Ratio]:
+    """Return the ``count`` coefficients of 2F1(a, b; c; 1 + z), which ends, in powers of z; ``one`` is 1."""
+    series = [one]
+    for j in range(count - 1):
+        series.append(series[-1] * (a + j) * (b + j) / ((c + j) * (j + 1)))
+    return [sum((comb(j, k) * series[j] for j in range(k + 1, count)), start=series[k]) for k in range(count)]
+
+
 def exchanged(terms: PowerSum) -> dict[tuple[Fraction, Fraction], Fraction]:
     """Return the sum with |g1| and |g3| exchanged."""
     return {(third, first): factor for (first, third), factor in terms.items()}
-
-
-def weighted_sum(parts: Iterable[tuple[Fraction, PowerSum]]) -> dict[tuple[Fraction, Fraction], Fraction]:
-    """Return Σ weight · sum, with equal powers added."""
-    return added_up(term for weight, terms in parts for term in scaled_terms(terms, weight))
 
 
 def power_terms(terms: PowerSum) -> list[Tree]:

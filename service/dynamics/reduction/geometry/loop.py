@@ -22,6 +22,7 @@ mirrored first: (A, C; g1, g3; p, r) → (C, A; g3, g1; −r, −p), λ → λ^{
 
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from typing import NamedTuple
 
 import numpy as np
 from flint import arb, ctx
@@ -34,12 +35,7 @@ from service.dynamics.formula.tape import Instruction
 from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.geometry.height import (
-    c_squared_ball,
-    log_sine_ball,
-    log_sine_real,
-    numerator_real,
-)
+from service.dynamics.reduction.geometry.point import BALLS, REALS, Equator, make_equator, place_of
 
 FloatArray = NDArray[np.float64]
 
@@ -56,8 +52,7 @@ BOX = 2.0**-40
 """Half the side of the boxes about the poles on which V is looked at."""
 
 
-@dataclass(frozen=True, slots=True)
-class LoopPoint:
+class LoopPoint(NamedTuple):
     """A point of the loop, at one v, in balls; primed (mirrored) axes if the loop is mirrored."""
 
     g1: arb
@@ -87,10 +82,10 @@ class Loop:
     """λ² of the client's (not mirrored) axes."""
     Z: arb
     G: arb
-    balls: dict[int, tuple[arb, arb, arb, arb, arb]] = field(
+    balls: dict[int, tuple[Equator[arb], arb]] = field(
         default_factory=dict, init=False, compare=False, repr=False
     )
-    """alpha, the factor, 2 alpha, Z² and G² as balls, cached by precision, since every point needs them."""
+    """The equator and the factor as balls, cached by precision, since every point needs them."""
     finer: "dict[int, Loop]" = field(default_factory=dict, init=False, compare=False, repr=False)
     """Results of :meth:`refined`, cached by precision."""
     smooth: dict[int, bool] = field(default_factory=dict, init=False, compare=False, repr=False)
@@ -133,14 +128,14 @@ class Loop:
 
     def point_from(self, sine: arb, cosine: arb) -> LoopPoint:
         """Return the point with these sin v ≠ 0 and cos v ≠ 0: no digits are lost near v = π."""
-        alpha, _, twice, Z_squared, G_squared = self._constants()
-        square = cosine * cosine
-        log_sine = log_sine_ball(sine, square)
-        g1 = self.G * (alpha * log_sine).exp() * self.g1_sign
-        g3 = self.Z * sine
-        c = c_squared_ball(Z_squared, G_squared, twice, log_sine, square).sqrt()
-        g2 = cosine * c
+        first, g2, g3, c = place_of(BALLS, sine, cosine, self._constants()[0])
+        g1 = first * self.g1_sign
         return LoopPoint(g1, g2, g3, c, self.radicand_at(g1, g2, g3))
+
+    def radicand_from(self, sine: arb, cosine: arb) -> arb:
+        """Return P at this point, in less time."""
+        first, g2, g3, _ = place_of(BALLS, sine, cosine, self._constants()[0])
+        return self.radicand_at(first * self.g1_sign, g2, g3)
 
     def has_no_value(self, sine: arb, cosine: arb) -> bool:
         """Tell whether the formula of V certainly has no value at the point with these sin v and cos v."""
@@ -154,26 +149,15 @@ class Loop:
         part.tape.evaluate(algebra, (g1, g2, g3))
         return algebra.is_undefined
 
-    def radicand_from(self, sine: arb, cosine: arb) -> arb:
-        """Return P at the point with these sin v and cos v: to the last bit that of :meth:`point_from`."""
-        alpha, factor, twice, Z_squared, G_squared = self._constants()
-        square = cosine * cosine
-        log_sine = log_sine_ball(sine, square)
-        g1 = self.G * (alpha * log_sine).exp() * self.g1_sign
-        g3 = self.Z * sine
-        g2 = cosine * c_squared_ball(Z_squared, G_squared, twice, log_sine, square).sqrt()
-        return factor * g3 * self._D(g1, g2, g3) / g1
-
     def radicand_at(self, g1: arb, g2: arb, g3: arb) -> arb:
         """Return P at a place, in primed axes."""
-        _, factor, *_ = self._constants()
+        _, factor = self._constants()
         return factor * g3 * self._D(g1, g2, g3) / g1
 
-    def _constants(self) -> tuple[arb, arb, arb, arb, arb]:
+    def _constants(self) -> tuple[Equator[arb], arb]:
         found = self.balls.get(ctx.prec)
         if found is None:
-            alpha = ball(self.alpha)
-            found = alpha, ball(self.factor), 2 * alpha, self.Z * self.Z, self.G * self.G
+            found = make_equator(self.Z, self.G, ball(self.alpha)), ball(self.factor)
             self.balls[ctx.prec] = found
         return found
 
@@ -193,13 +177,10 @@ class Loop:
         self, Z: float | FloatArray, G: float | FloatArray, sine: FloatArray, cosine: FloatArray
     ) -> FloatArray:
         """Return the same on other curves of the same body, potential and signs: those of Z and G."""
-        square = cosine * cosine
+        equator = make_equator(np.asarray(Z), np.asarray(G), np.asarray(float(self.alpha)))
         with np.errstate(all="ignore"):
-            log_sine = log_sine_real(sine, square)
-            alpha = float(self.alpha)
-            g1 = self.g1_sign * G * np.exp(alpha * log_sine)
-            g3 = Z * sine
-            g2 = np.sign(cosine) * np.sqrt(Z * Z * square + G * G * numerator_real(alpha, log_sine))
+            size, g2, g3, _ = place_of(REALS, sine, cosine, equator)
+            g1 = self.g1_sign * size
             first, third = (g3, g1) if self.mirrored else (g1, g3)
             D = self.potential.D_real(first, g2, third)
             factor = float(self.factor) * (-1.0 if self.mirrored else 1.0)

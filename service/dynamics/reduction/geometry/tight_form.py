@@ -7,7 +7,7 @@ the second axis; and |x| + x is written x (1 + sign x), which is 0 where x < 0 a
 
 from fractions import Fraction
 
-from service.dynamics.formula.register_polynomials import RegisterPolynomials
+from service.dynamics.formula.register_polynomials import RegisterPolynomials, written_in_g2
 from service.dynamics.formula.tape import Instruction, Recorder, Tape
 
 _G2 = 1
@@ -78,11 +78,8 @@ class _Writer(Recorder):
 
     def _in_g2(self, register: int) -> int:
         """Return the register of a polynomial in g2 alone if this is one, else this."""
-        polynomial = self._polynomials.of(register)
-        if not self._turns[register] or polynomial is None:
-            return register
-        terms = list(self._polynomials.on_sphere(polynomial).terms())
-        if any(third or first for (third, first, _), _ in terms):
+        polynomial = self._polynomials.in_g2(register) if self._turns[register] else None
+        if polynomial is None:
             return register
         made = self.instruction(register)
         if made is not None:
@@ -91,17 +88,7 @@ class _Writer(Recorder):
                 # As it is written: multiplied out, a square loses its sign and a root its place.
                 left, right = (parts.get(k, k) for k in (made.left, made.right))
                 return self.emit(made._replace(left=left, right=right))
-        return self._written({int(power): Fraction(int(x.p), int(x.q)) for (_, _, power), x in terms})
-
-    def _written(self, coefficients: dict[int, Fraction]) -> int:
-        """Return the register of a polynomial in g2, by Horner's rule."""
-        degree = max(coefficients, default=0)
-        total = self._constant(coefficients.get(degree, Fraction(0)))
-        for power in range(degree - 1, -1, -1):
-            total = self.emit(Instruction("multiply", total, _G2))
-            if power in coefficients:
-                total = self.emit(Instruction("add", total, self._constant(coefficients[power])))
-        return total
+        return written_in_g2(self, polynomial)
 
     def _constant(self, value: Fraction) -> int:
         return self.emit(Instruction("constant", number=value))

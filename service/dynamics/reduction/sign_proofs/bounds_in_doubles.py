@@ -19,7 +19,7 @@ from service.dynamics.formula.algebras.intervals import Interval, IntervalAlgebr
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.tape import Tape
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.geometry.height import log_sine_real, numerator_real
+from service.dynamics.reduction.geometry.point import REALS, make_equator, place_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -283,7 +283,4 @@ def heights_of(alpha: float | FloatArray, Z: Bounds, G: Bounds, cells: Cells) ->
 
 
 def _height(alpha: float | FloatArray, Z: FloatArray, G: FloatArray, v: FloatArray) -> FloatArray:
-    sine, cosine = np.sin(v), np.cos(v)
-    square = cosine * cosine
-    found: FloatArray = np.sqrt(Z * Z * square + G * G * numerator_real(alpha, log_sine_real(sine, square)))
-    return found
+    return place_of(REALS, np.sin(v), np.cos(v), make_equator(Z, G, np.asarray(alpha)))[1]

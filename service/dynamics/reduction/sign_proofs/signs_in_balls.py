@@ -9,7 +9,7 @@ from flint import arb
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.algebras.long_intervals import LongInterval, LongIntervalAlgebra
 from service.dynamics.formula.tape import Tape
-from service.dynamics.reduction.geometry.height import c_squared_range, log_sine_ball
+from service.dynamics.reduction.geometry.point import RANGES, make_equator, place_of
 from service.dynamics.reduction.geometry.slopes import SecondScale, derivatives_along, rates_along
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Region, enclose_zero
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
@@ -198,11 +198,9 @@ def _corner(half: Half, hemisphere: float, x: float) -> tuple[arb, arb, arb]:
 
 def _place(half: Half, sine: arb, cosine: arb) -> tuple[arb, arb, arb]:
     """Return the primed g1 and g3, and c = g2 / cos v; cos v may be 0."""
-    loop, alpha, square = half.loop, ball(half.loop.alpha), cosine * cosine
-    log_sine = log_sine_ball(sine, square)
-    g1 = loop.G * (alpha * log_sine).exp() * loop.g1_sign
-    c = c_squared_range(loop.Z * loop.Z, loop.G * loop.G, alpha, log_sine, square).sqrt()
-    return g1, loop.Z * sine * half.g3_sign, c
+    loop = half.loop
+    first, _, third, c = place_of(RANGES, sine, cosine, make_equator(loop.Z, loop.G, ball(loop.alpha)))
+    return first * loop.g1_sign, third * half.g3_sign, c
 
 
 def _sign(value: arb | None) -> int:

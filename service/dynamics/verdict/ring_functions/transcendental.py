@@ -7,11 +7,11 @@ cosines are written in a basis over Q, so that they share generators; multiples 
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 from flint import fmpq_mpoly, fmpz_poly
 
-from service.dynamics.formula.algebras.monomials import as_fraction
+from service.dynamics.formula.algebras.monomials import as_fraction, weighted_sum
 from service.dynamics.verdict.exact_ring.factors import prime_powers
 from service.dynamics.verdict.exact_ring.generators import (
     CircleConstant,
@@ -35,8 +35,6 @@ MAX_INTEGER = 12
 """An integer in front of an argument up to this one is taken off: sin(3 x) and sin(2 x) share x."""
 MAX_ARGUMENT_TERMS = 300
 """Most terms of an argument that is compared with others; a longer one is a basis element by itself."""
-
-K = TypeVar("K")
 
 Exponents = tuple[int, ...]
 Vector = dict[Exponents, Fraction]
@@ -72,8 +70,8 @@ class ArgumentBasis:
         for row in self._rows:
             factor = vector.get(row.pivot)
             if factor:
-                vector = combined(vector, -factor, row.vector)
-                of = combined(of, factor, row.of)
+                vector = weighted_sum(((Fraction(1), vector), (-factor, row.vector)))
+                of = weighted_sum(((Fraction(1), of), (factor, row.of)))
         if not vector:
             return of
         if len(self.elements) == MAX_BASIS:
@@ -97,18 +95,6 @@ def as_vector(element: Element) -> Vector:
         exponents = tuple(int(e) + s for e, s in zip(term, element.shift, strict=True))
         vector[exponents] = as_fraction(coefficient)
     return vector
-
-
-def combined(vector: dict[K, Fraction], factor: Fraction, other: dict[K, Fraction]) -> dict[K, Fraction]:
-    """Return vector + factor · other, without zeros."""
-    result = dict(vector)
-    for key, value in other.items():
-        total = result.get(key, Fraction(0)) + factor * value
-        if total:
-            result[key] = total
-        else:
-            result.pop(key, None)
-    return result
 
 
 MAX_MULTIPLE = 40
