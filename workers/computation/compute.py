@@ -27,6 +27,7 @@ from service.dynamics.solution.dense_output import DenseOutput, Period
 from service.dynamics.verdict.simple_form import simplified
 from service.jobs.kernels import NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
+from service.local.worker_process import why_no_folder
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
 from service.schemas.problem.trusted import trusted_problem
@@ -44,7 +45,6 @@ from workers.computation.compiled_code import (
     is_ready,
     keep_compiled_code,
     way_for,
-    why_no_folder,
 )
 from workers.computation.outputs import InUnits, compute_outputs, errors_of, in_units, require_promise
 from workers.computation.summary import summarise
