@@ -110,6 +110,9 @@ def motions() -> dict[str, Passing]:
     def V_log(x: arb, z: arb, u: arb) -> arb:
         return -x + (2 * x * x + z * z) * u.log() / 20
 
+    def V_log_below(x: arb, z: arb, u: arb) -> arb:
+        return -(x ** (2 * third)) + (3 * x * x / 2 + z * z) * u.log() / 20
+
     def formula(text: str) -> dict[str, object]:
         return {"type": "expression", "expression": text}
 
@@ -120,6 +123,9 @@ def motions() -> dict[str, Passing]:
         "B_1": Passing("3/2", {"type": "homogeneous", "B": [-1, "1/10"]}, V_B, number("7/10")),
         "root": Passing("2", formula("-g1 + (2*g1^2 + g3^2)*sqrt(1 - g2)/20"), V_root, number("1/2")),
         "log": Passing("2", formula("-g1 + (2*g1^2 + g3^2)*log(1 - g2)/20"), V_log, number("1/2")),
+        "log, 3/2": Passing(
+            "3/2", formula("-abs(g1)^(2/3) + (3/2*g1^2 + g3^2)*log(1 - g2)/20"), V_log_below, number("2/3")
+        ),
         "7/5": power("7/5"),
         "101/100": power("101/100"),
         "11/10": power("11/10"),
@@ -150,7 +156,7 @@ def test_known_periods(name, digits):
         assert abs(period(name) - arb(digits)) < arb(10) ** (2 - len(digits))
 
 
-@pytest.mark.parametrize("name", one_in(3, (name for name in MOTIONS if name != "log")))
+@pytest.mark.parametrize("name", one_in(3, (name for name in MOTIONS if not name.startswith("log"))))
 def test_certified_periods_are_those_of_a_quadrature_by_hand(name):
     document = MOTIONS[name].document(time={"times": ["1/2"]}, accuracy={"tier": "certified", "bits": 64})
     told = solve_document(json.dumps(document)).summary["period"]
@@ -160,14 +166,25 @@ def test_certified_periods_are_those_of_a_quadrature_by_hand(name):
         assert radius < arb("1e-17") * period(name)
 
 
+LOOSE = 5e-8
+"""Of x log x below A/C = 2: r is like |t|^(1/2), of which doubles of t know 1e-8, and nothing encloses it."""
+
+
 @pytest.mark.parametrize(
     ("name", "tier"),
-    [*one_in(2, ((name, "standard") for name in MOTIONS)), ("a2", "draft"), ("a2", "high"), ("7/5", "high")],
+    [
+        *one_in(2, ((name, "standard") for name in MOTIONS if name != "log, 3/2")),
+        ("a2", "draft"),
+        ("a2", "high"),
+        ("7/5", "high"),
+        ("log, 3/2", None),
+    ],
 )
 def test_every_tier_keeps_its_promise(name, tier):
     motion = MOTIONS[name]
-    found = solve(read_problem(motion.document(time={"times": ["0", "1/2", 100]}, accuracy={"tier": tier})))
-    assert found.error <= TIERS[tier]
+    accuracy = {"tier": tier} if tier else {"tolerance": LOOSE}
+    found = solve(read_problem(motion.document(time={"times": ["0", "1/2", 100]}, accuracy=accuracy)))
+    assert found.error <= (TIERS[tier] if tier else LOOSE)
     with ctx.workprec(BITS):
         told = found.dense.period
         assert abs(arb(told.hi) + arb(told.lo) - period(name)) <= told.error + KNOWN * period(name)

@@ -133,7 +133,7 @@ def refine_near_poles(loop: Loop, states: FloatArray, sines: FloatArray) -> None
 
 
 def graded(orbit: Libration | Rotation) -> Graded | None:
-    """Return the graded phase; None where no pole is passed, or V has a formula, or is smooth there."""
+    """Return the graded phase; None where no pole is passed, or none is needed."""
     loop, marks = orbit.loop, sorted((0.0, *orbit.corners, 2.0))
     unit = _unit(loop, 1 if float(orbit.somewhere().sin()) > 0.0 else -1)
     reach = min(MAX_POLE_DISTANCE, *(0.5 * (right - left) for left, right in pairwise(marks)))
@@ -143,10 +143,12 @@ def graded(orbit: Libration | Rotation) -> Graded | None:
 def _unit(loop: Loop, side: int) -> int:
     """Return n: of |sin v| there are the powers α(2 − 2m) for every w^m, and those of the curve.
 
-    It is large where there are logarithms, too, or where F is no sum of powers; 1 where V has a formula.
+    It is large where there are logarithms, too, or where F is no sum of powers; 1 where V has a formula, but
+    for one with logarithms below A/C = 2, where they leave r, a power of time below the first, no digits.
     """
     if loop.potential.has_formula:
-        return 1
+        logs = any(made.name == "log" for made in loop.potential.tape.instructions)
+        return min(smooth_unit(loop.alpha), MAX_LOGARITHMIC_UNIT) if logs and loop.alpha < 2 else 1
     alpha, signs = loop.alpha, (loop.g1_sign, side)
     client = 1 / alpha if loop.mirrored else alpha
     powers = loop.potential.powers_of_w(*(signs[::-1] if loop.mirrored else signs))
