@@ -13,7 +13,11 @@ WAITING_CHUNKS = 16
 PILOT_POINTS = 16
 """Points of the first chunk, which measures how long a point takes."""
 CHUNK_SECONDS = 1.0
-"""Seconds that a chunk should take."""
+"""Seconds that a chunk should take, where few are computed at a time."""
+LONGEST_SECONDS = 1.5
+"""The same where many are: after two seconds a child hands back what it has not computed."""
+CHUNKS_A_SECOND = 30.0
+"""Chunks end no oftener while they are not the longest: one bridge of a cluster carries twice as many."""
 UNKNOWN_POINT_SECONDS = CHUNK_SECONDS / PILOT_POINTS
 """Assumed seconds for a point until a chunk has measured it."""
 LARGEST_CHUNK = 65_536
@@ -46,10 +50,14 @@ def pilot(points: int, most: int) -> Range:
     return Range(0, min(PILOT_POINTS, most, points))
 
 
-def next_size(point_seconds: float, left: int, most: int) -> int:
-    """Return the size of the next chunk: a point takes ``point_seconds``, ``left`` points have no chunk."""
-    usual = CHUNK_SECONDS / point_seconds if point_seconds > CHUNK_SECONDS / most else float(most)
-    size = min(usual, max(left / _LAST_SHARE, usual / _SMALLEST_SHARE))
+def next_size(point_seconds: float, left: int, most: int, places: int = 1) -> int:
+    """Return the size of the next chunk: a point takes ``point_seconds``, ``left`` points have no chunk.
+
+    So many ``places`` compute at a time: the more, the longer is a chunk, and the smaller at the end.
+    """
+    seconds = min(max(CHUNK_SECONDS, places / CHUNKS_A_SECOND), LONGEST_SECONDS)
+    usual = seconds / point_seconds if point_seconds > seconds / most else float(most)
+    size = min(usual, max(left / max(_LAST_SHARE, places), usual / _SMALLEST_SHARE))
     return max(1, min(int(size), most, left))
 
 
@@ -66,10 +74,12 @@ def cut_rest(rest: Range, point_seconds: float) -> Sequence[Range]:
     return cut(rest, min(PARTS, max(1, round(chunks))))
 
 
-def further(next_index: int, points: int, waiting: int, point_seconds: float, most: int) -> Iterator[Range]:
+def further(
+    next_index: int, points: int, waiting: int, point_seconds: float, most: int, places: int = 1
+) -> Iterator[Range]:
     """Yield the ranges that fill up the queue, where ``waiting`` chunks are in it already."""
     while waiting < WAITING_CHUNKS and next_index < points:
-        size = next_size(point_seconds, points - next_index, most)
+        size = next_size(point_seconds, points - next_index, most, places)
         yield Range(next_index, size)
         next_index, waiting = next_index + size, waiting + 1
 

@@ -6,6 +6,7 @@ from functools import partial
 from tests.benchmarks import (
     atlases,
     certified,
+    cluster,
     compiling,
     costs,
     estimates,
@@ -153,5 +154,6 @@ PARTS: Mapping[str, Part] = {
         "throughput",
         (throughput.engines, examined.examined, lists.lists, throughput.service, throughput.growth),
     ),
+    "cluster": partial(tables, "cluster", (cluster.beside_children, cluster.carried)),
 }
 """In the order of docs/performance.md."""

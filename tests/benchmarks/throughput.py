@@ -38,8 +38,8 @@ def engines(effort: Effort) -> Table:
     with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
         for name, engine, make in (
             ("SQLite, one machine", "local", lambda name: sqlite_url(Path(folder), name)),
-            ("Postgres, one machine", "local", lambda name: _postgres(server)),
-            ("Postgres, several machines", "postgres", lambda name: _postgres(server)),
+            ("Postgres, one machine", "local", lambda name: postgres_url(server)),
+            ("Postgres, several machines", "postgres", lambda name: postgres_url(server)),
         ):
             bare = bare_seconds(make("bare"), number)
             for workers in (1, PLACES):
@@ -79,8 +79,8 @@ def growth(effort: Effort) -> Table:
     with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
         for name, engine, make in (
             ("SQLite, one machine", "local", lambda size: sqlite_url(Path(folder), f"rows-{size}")),
-            ("Postgres, one machine", "local", lambda size: _postgres(server)),
-            ("Postgres, several machines", "postgres", lambda size: _postgres(server)),
+            ("Postgres, one machine", "local", lambda size: postgres_url(server)),
+            ("Postgres, several machines", "postgres", lambda size: postgres_url(server)),
         ):
             costs = [_cost_among(make(size), engine, size, effort.repeats(500)) for size in (small, large)]
             ratios = [after / before for before, after in zip(*costs, strict=True)]
@@ -240,7 +240,8 @@ def sqlite_url(folder: Path, name: str) -> str:
     return url
 
 
-def _postgres(server: PostgresServer) -> str:
+def postgres_url(server: PostgresServer) -> str:
+    """Return the URL of a new database."""
     url = server.url(server.create_database())
     migrate(url)
     return url

@@ -4,8 +4,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.jobs.chunking import (
+    CHUNK_SECONDS,
+    CHUNKS_A_SECOND,
     LARGEST_BLOCK,
     LARGEST_CHUNK,
+    LONGEST_SECONDS,
     PARTS,
     WAITING_CHUNKS,
     Range,
@@ -67,6 +70,20 @@ def test_far_from_the_end_a_chunk_takes_about_a_second(seconds, left):
 def test_towards_the_end_several_workers_share_what_is_left(seconds, left):
     size = next_size(seconds, left, LARGEST_CHUNK)
     assert size <= left / 8 + 1 or size * seconds <= 0.25 + seconds
+
+
+@given(seconds=st.floats(1e-3, 0.25), places=st.integers(1, 1000))
+def test_where_many_compute_chunks_are_longer_so_that_fewer_end_in_a_second(seconds, places):
+    taken = next_size(seconds, 10**9, LARGEST_CHUNK, places) * seconds
+    # Of points there are whole numbers: a chunk is shorter by less than one of them.
+    assert CHUNK_SECONDS - seconds <= taken <= LONGEST_SECONDS
+    assert places / (taken + seconds) <= CHUNKS_A_SECOND or taken + seconds >= LONGEST_SECONDS
+
+
+@given(seconds=st.floats(1e-4, 1e-2), left=st.integers(1000, 10**6), places=st.integers(8, 1000))
+def test_towards_the_end_all_places_share_what_is_left(seconds, left, places):
+    size = next_size(seconds, left, LARGEST_CHUNK, places)
+    assert size <= left / places + 1 or size * seconds <= LONGEST_SECONDS / 4 + seconds
 
 
 @given(samples=st.integers(0, 100_000), columns=st.integers(1, 13))

@@ -27,6 +27,8 @@ from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
 _SWEEPS, _WORKERS = table_of(SweepRow), table_of(WorkerRow)
 _BEGUN = select(_SWEEPS.c.document, _SWEEPS.c.way, _SWEEPS.c.points).where(_SWEEPS.c.id == bindparam("sweep"))
+_SEEN_SECONDS = 60.0
+"""Workers that said nothing for longer do not count when chunks are cut."""
 _NO_DIGEST = ""
 """The digest of every chunk: chunks are not looked up by what they compute."""
 
@@ -221,7 +223,9 @@ def _top_up(session: Session, sweep: SweepRow, most: int) -> list[JobRow]:
         .where(JobRow.sweep_id == sweep.id, JobRow.state == literal_column("'queued'"))
     )
     seconds = UNKNOWN_POINT_SECONDS if sweep.point_seconds is None else sweep.point_seconds
-    ranges = list(further(sweep.next_index, sweep.points, waiting or 0, seconds, most))
+    lately = _WORKERS.c.seen_at >= DatabaseNow() - _SEEN_SECONDS
+    places = session.scalar(select(func.sum(_WORKERS.c.slots)).where(lately)) or 1
+    ranges = list(further(sweep.next_index, sweep.points, waiting or 0, seconds, most, places))
     if ranges:
         sweep.chunk_points = ranges[-1].count
         sweep.next_index = ranges[-1].first + ranges[-1].count
