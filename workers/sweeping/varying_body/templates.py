@@ -18,9 +18,9 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.limits import MAX_EXPONENT
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import Potential
-from workers.solvers.compiled.evaluation.program import Program, make_program
+from workers.solvers.compiled.evaluation.program import Program, make_program, numbers_of
 from workers.sweeping.parameters.family import fraction_of, ratio_of
-from workers.sweeping.parameters.programs import nearest_double, numbers_of
+from workers.sweeping.parameters.programs import nearest_double
 
 FloatArray = NDArray[np.float64]
 Key = tuple[object, ...]
