@@ -103,7 +103,24 @@ _SPACING, _PARTS = 2**20, 1_000_003
 
 
 class _Tracer(Tracer):
-    """A tracer of formulas whose numbers are stood in for."""
+    """A tracer of formulas whose numbers are stood in for; it leaves out factors of 1 and double signs."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._one = self.constant(Fraction(1))
+        self._opposite = dict[Traced, Traced]()
+
+    def multiply(self, left: Traced, right: Traced) -> Traced:
+        """Return left · right."""
+        return left if right is self._one else right if left is self._one else super().multiply(left, right)
+
+    def negate(self, operand: Traced) -> Traced:
+        """Return -operand."""
+        found = self._opposite.get(operand)
+        if found is None:
+            found = super().negate(operand)
+            self._opposite[operand], self._opposite[found] = found, operand
+        return found
 
     def constant(self, value: Fraction) -> Traced:
         """Return a number; the e (e − 1) of a second derivative by its factors."""

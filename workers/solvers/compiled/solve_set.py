@@ -47,7 +47,7 @@ def equator_of(alpha: float, log_lambda: float) -> tuple[float, float]:
 @kernel
 def new_formula(code: IntArray, result: int, turn: Instructions, constants: FloatArray) -> Formula:
     """Return a program with its constants, and what it is worked out on."""
-    centres, radii, powers = new_rows(2 * (3 + code.shape[0]))
+    centres, radii, powers = new_rows(3 + turn.code.shape[0])
     registers = new_registers(turn.code, 2, POINTS)
     return Formula(code, result, turn, constants, NOTHING, registers, centres, radii, powers, NOTHING)
 

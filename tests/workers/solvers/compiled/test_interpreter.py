@@ -1,12 +1,15 @@
 """One law for every arithmetic: V and its derivatives are those of balls, within its bounds."""
 
+import re
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 import pytest
 from flint import arb, ctx
 
 from tests.support.planar import body, formula
+from workers.solvers import compiled
 from workers.solvers.compiled.doubled.arithmetic import run_doubled
 from workers.solvers.compiled.doubled.curve import FINER
 from workers.solvers.compiled.evaluation.interpreter import (
@@ -22,6 +25,13 @@ from workers.solvers.compiled.shown.discs import run_discs
 from workers.solvers.compiled.solve_set import new_formula
 
 BODY = body(3, 1)
+OWN_LOOPS = {
+    "discs/derivatives.py": "a number is a row with one power of the scale",
+    "evaluation/low_degree.py": "degrees of V, no numbers",
+    "general/series.py": "every order of a series needs the lower ones",
+    "transverse/jets.py": "Hill's coefficients",
+}
+"""Other kernels that read instructions, and why they do."""
 FORMULAS = [
     "-g1",
     "(3*g1^2+g3^2)*(g2^2-1/2+g2^3/5)",
@@ -133,3 +143,13 @@ def test_the_derivative_on_the_loop_is_that_of_balls_within_its_bound(text):
             abs(arb(d) - e) <= u * 2.0**-53 for d, e, u in zip(D.tolist(), exact, ulps.tolist(), strict=True)
         )
     assert np.array_equal(derivative(worked, *g, POINTS), D)
+
+
+def test_every_other_loop_over_instructions_is_listed_here():
+    folder = Path(compiled.__path__[0])
+    reading = {
+        source.relative_to(folder).as_posix()
+        for source in folder.rglob("*.py")
+        if re.search(r"\bcode\[\w+, 0\]", source.read_text(encoding="utf-8"))
+    }
+    assert reading == {"evaluation/interpreter.py", *OWN_LOOPS}

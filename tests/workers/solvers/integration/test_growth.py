@@ -14,8 +14,8 @@ from service.schemas.sweep.reading import read_sweep
 from tests.support import fixed_point
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.compiled.general.growth import grown
-from workers.solvers.compiled.general.lanes import LANES
 from workers.solvers.compiled.general.series import STATE
+from workers.solvers.compiled.lanes import LANES
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration import solve
 from workers.solvers.integration.compiled import integrator_of

@@ -22,7 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.evaluation.interpreter import new_registers
-from workers.solvers.compiled.general.lanes import (
+from workers.solvers.compiled.general.series import ORDER, STATE
+from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.lanes import (
     ROW,
     first_row,
     larger,
@@ -35,8 +37,6 @@ from workers.solvers.compiled.general.lanes import (
     spread,
     take,
 )
-from workers.solvers.compiled.general.series import ORDER, STATE
-from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Equations
 from workers.solvers.compiled.shown.states import WIDTH, evaluate
 

@@ -12,16 +12,6 @@ from numpy.typing import NDArray
 from service.dynamics.defect.stretches import ELLIPSE_RHO
 from workers.solvers.compiled.blocks import two_sum
 from workers.solvers.compiled.evaluation.interpreter import new_registers
-from workers.solvers.compiled.general.lanes import (
-    ROW,
-    first_row,
-    new_rows,
-    number_at,
-    place_of,
-    put,
-    put_number,
-    take,
-)
 from workers.solvers.compiled.general.nodes import (
     HALVES,
     PLACES,
@@ -35,6 +25,16 @@ from workers.solvers.compiled.general.nodes import (
 )
 from workers.solvers.compiled.general.series import STATE
 from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.lanes import (
+    ROW,
+    first_row,
+    new_rows,
+    number_at,
+    place_of,
+    put,
+    put_number,
+    take,
+)
 from workers.solvers.compiled.records import Equations
 from workers.solvers.compiled.shown.states import WIDTH, evaluate, largest_rates
 from workers.solvers.compiled.shown.stretches import DEEPEST, HIGHEST_DEGREE, PARTS, are_explained, disc_of

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from workers.solvers.compiled.general.growth import grown
 from workers.solvers.compiled.general.held import hold
-from workers.solvers.compiled.general.lanes import LANES
 from workers.solvers.compiled.general.records import Asked, Models
 from workers.solvers.compiled.general.sampling import compare, new_values_at, widen
 from workers.solvers.compiled.general.series import COUNT, STATE
 from workers.solvers.compiled.general.steps import ARRIVED, FAILED, SPACING, seen
 from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.lanes import LANES
 from workers.solvers.compiled.records import Equations
 
 FloatArray = NDArray[np.float64]

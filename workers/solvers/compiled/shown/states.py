@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from workers.solvers.compiled.evaluation.interpreter import run_double
 from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.lanes import LANES, place_of, put, spread, take
 from workers.solvers.compiled.records import Equations
 from workers.solvers.compiled.shown.discs import ARITHMETIC, Disc, exactly, minus, plus, run_discs, times
 
@@ -12,6 +13,8 @@ FloatArray = NDArray[np.float64]
 
 WIDTH = 40
 """States that are gone through together."""
+ROWS = WIDTH // LANES
+"""Rows of lanes of a variable."""
 NO_LOWS = np.empty(0)
 
 
@@ -24,30 +27,33 @@ def evaluate(
     integrals: FloatArray,
     count: int,
 ) -> None:
-    """Fill in F and the integrals at ``count`` states; rows are the columns of a motion.
+    """Fill in F and the integrals at ``count`` states; rows are the columns of a motion, of WIDTH states.
 
-    ``registers`` are those of the gradient, of one part. Each state has the digits it has alone.
+    ``registers`` are those of the gradient, of one part. Each state has the digits it has alone; what is
+    found at the states after these, up to a multiple of ``LANES``, is nothing.
     """
     for a in range(3):
         for m in range(count):
             registers[0, a, m] = states[3 + a, m]
     run_double(equations.gradient.code, equations.constants, NO_LOWS, registers, count)
-    results = equations.gradient.results
-    value, first, second, third = results[0], results[1], results[2], results[3]
-    A, B, C, along, across, about = equations.moments
-    for m in range(count):
-        p, q, r = states[0, m], states[1, m], states[2, m]
-        g1, g2, g3 = states[3, m], states[4, m], states[5, m]
-        V1, V2, V3 = registers[0, first, m], registers[0, second, m], registers[0, third, m]
-        rates[0, m] = (along * (q * r) + (g2 * V3 - g3 * V2)) / A
-        rates[1, m] = (across * (p * r) + (g3 * V1 - g1 * V3)) / B
-        rates[2, m] = (about * (p * q) + (g1 * V2 - g2 * V1)) / C
-        rates[3, m] = r * g2 - q * g3
-        rates[4, m] = p * g3 - r * g1
-        rates[5, m] = q * g1 - p * g2
-        integrals[0, m] = 0.5 * (A * p * p + B * q * q + C * r * r) + registers[0, value, m]
-        integrals[1, m] = A * p * g1 + B * q * g2 + C * r * g3
-        integrals[2, m] = g1 * g1 + g2 * g2 + g3 * g3
+    u, v, found, sums = place_of(states), place_of(registers), place_of(rates), place_of(integrals)
+    results, moments = equations.gradient.results, equations.moments
+    V, first, second, third = results[0] * ROWS, results[1] * ROWS, results[2] * ROWS, results[3] * ROWS
+    A, B, C = spread(moments[0]), spread(moments[1]), spread(moments[2])
+    along, across, about = spread(moments[3]), spread(moments[4]), spread(moments[5])
+    for m in range((count + LANES - 1) // LANES):
+        p, q, r = take(u, m), take(u, ROWS + m), take(u, 2 * ROWS + m)
+        g1, g2, g3 = take(u, 3 * ROWS + m), take(u, 4 * ROWS + m), take(u, 5 * ROWS + m)
+        V1, V2, V3 = take(v, first + m), take(v, second + m), take(v, third + m)
+        put(found, m, (along * (q * r) + (g2 * V3 - g3 * V2)) / A)
+        put(found, ROWS + m, (across * (p * r) + (g3 * V1 - g1 * V3)) / B)
+        put(found, 2 * ROWS + m, (about * (p * q) + (g1 * V2 - g2 * V1)) / C)
+        put(found, 3 * ROWS + m, r * g2 - q * g3)
+        put(found, 4 * ROWS + m, p * g3 - r * g1)
+        put(found, 5 * ROWS + m, q * g1 - p * g2)
+        put(sums, m, spread(0.5) * (A * p * p + B * q * q + C * r * r) + take(v, V + m))
+        put(sums, ROWS + m, A * p * g1 + B * q * g2 + C * r * g3)
+        put(sums, 2 * ROWS + m, g1 * g1 + g2 * g2 + g3 * g3)
 
 
 @kernel
