@@ -1,16 +1,9 @@
-"""Exact numbers: how they are read from text, and sums of terms with exact coefficients.
-
-Numbers stay exact as long as possible.
-
-A sum has a coefficient for each key, such as the exponents of a monomial; its users know what the
-keys mean, what their products are and how large a sum may grow.
-"""
+"""Exact numbers: how they are read from text. Numbers stay exact as long as possible."""
 
 import math
 import re
-from collections.abc import Iterable, Mapping
 from fractions import Fraction
-from typing import Self, TypeVar
+from typing import Self
 
 from service.dynamics.errors import InvalidNumberError
 
@@ -115,26 +108,3 @@ def _integer_text(value: int) -> str:
             f"an integer of {value.bit_length()} bits; at most {MAX_INTEGER_DIGITS} digits are accepted"
         )
     return str(value)
-
-
-Key = TypeVar("Key")
-
-_ZERO = Fraction(0)
-
-
-def added_up(terms: Iterable[tuple[Key, Fraction]]) -> dict[Key, Fraction]:
-    """Return the sum of the terms in the order in which their keys first come; it may have zeros."""
-    total: dict[Key, Fraction] = {}
-    for key, coefficient in terms:
-        total[key] = total.get(key, _ZERO) + coefficient
-    return total
-
-
-def without_zeros(total: Mapping[Key, Fraction]) -> dict[Key, Fraction]:
-    """Return the terms that are not zero."""
-    return {key: coefficient for key, coefficient in total.items() if coefficient}
-
-
-def scaled_terms(total: Mapping[Key, Fraction], factor: Fraction) -> Iterable[tuple[Key, Fraction]]:
-    """Return the terms of factor · total."""
-    return ((key, factor * coefficient) for key, coefficient in total.items())

@@ -17,16 +17,16 @@ from unittest.mock import patch
 import numpy as np
 from flint import arb, ctx
 
+from service.dynamics.formula.algebras.monomials import NotAMonomialSumError
 from service.dynamics.formula.tape import Tape
 from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, Problem, TimeSpan
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
-from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError
 from service.jobs.records import Solved
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.verdicts.examination import examine_problems
-from tests.benchmarks.kept import forgetful
+from tests.benchmarks.cached_examinations import forgetful
 from tests.benchmarks.measuring import in_turns, in_words, median, say
 from tests.support.examinations import examination_of
 from tests.support.planar import body, formula, planar
@@ -138,7 +138,7 @@ def nothing(*_: object) -> None:
 
 
 def not_a_power_sum(*_: object) -> None:
-    raise NotAPowerSumError
+    raise NotAMonomialSumError
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.monomials import as_fraction
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.motion import COLUMNS
 from service.dynamics.potentials.potential import Potential
@@ -43,9 +44,8 @@ from workers.solvers.integration.errors import CollisionError, UnsupportedFormul
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.programs import SharedGradient, shared_gradient
 from workers.solvers.integration.solve import run_request_of, tolerances
-from workers.sweeping.parameters.family import fraction_of, has_symbol
+from workers.sweeping.parameters.family import has_symbol
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
-from workers.sweeping.plan import position_in_state
 from workers.sweeping.planar.records import SolvedBlock, printed_errors
 from workers.sweeping.varying_body.models import model_of
 from workers.sweeping.varying_body.templates import (
@@ -187,7 +187,7 @@ class StateSolver:
         self._sweep, self._problem = sweep, problem
         self._names = [name for name in sweep.series_columns if name != "t"]
         self._columns = [COLUMNS.index(name) for name in self._names]
-        self._positions = [position_in_state(axis.path) for axis in sweep.axes]
+        self._positions = [axis.position_in_state for axis in sweep.axes]
         self._moves_gamma = any(index in (3, 4, 5) for index in self._positions)
         self._known = [listed_exactly(axis) for axis in sweep.axes]
         self._times = sample_times(problem.time, None)
@@ -244,7 +244,7 @@ class StateSolver:
         gamma = list(self._start[3:])
         for axis, which in enumerate(self._positions):
             if which in (3, 4, 5):
-                gamma[which - 3] = fraction_of(points.exact(axis, index))
+                gamma[which - 3] = as_fraction(points.exact(axis, index))
         return is_unit(gamma)
 
     def _groups(self, points: SweptPoints, first: int, is_usable: BoolArray) -> "list[_Group]":
@@ -324,7 +324,7 @@ class StateSolver:
         moments, exact = dict[str, Fraction](), list[Fraction]()
         for axis, which in enumerate(self._positions):
             if which is None or which >= 6:
-                exact.append(fraction_of(points.exact(axis, index)))
+                exact.append(as_fraction(points.exact(axis, index)))
                 if which is not None:
                     moments[MOMENTS[which - 6]] = exact[-1]
         return self._integrator(tuple(exact), moments, first + index)

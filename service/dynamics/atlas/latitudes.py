@@ -15,22 +15,25 @@ direction (theory.md, 2.2).
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from fractions import Fraction
+from dataclasses import replace
 
 import numpy as np
-from flint import Ordering, arb, ctx, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
+from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, equator_of
 from service.dynamics.atlas.zeros import Zeros
-from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.formula.printer import exact_tree
-from service.dynamics.formula.tape import Tape, compile_tape
-from service.dynamics.formula.tree import Binary, Call, Symbol, Tree
-from service.dynamics.potentials.families.general_solution import FAMILY, GeneralPotential
-from service.dynamics.potentials.potential import FormulaPotential, Potential
+from service.dynamics.formula.algebras.monomials import (
+    ALL_ATOMS,
+    LOG_G1,
+    LOG_G3,
+    SPHERE,
+    NotAMonomialSumError,
+    Rules,
+    read,
+)
+from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.geometry.height import c_squared_range, log_sine_ball
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 from service.dynamics.reduction.sign_proofs.equators import equators
@@ -39,139 +42,28 @@ from service.dynamics.reduction.windows import REDUCTION_BITS
 
 FloatArray = NDArray[np.float64]
 
-MAX_ATOMS = 24
-MAX_POWER = 16
-MAX_TERMS = 200
-
-Element = fmpq_mpoly | None
-"""A polynomial in g3, g1, g2 and functions of g2, with g3 once at most; None is any other function."""
+_OF_LATITUDE = Rules(
+    plain=2,
+    relation=SPHERE[2],
+    atoms=ALL_ATOMS,
+    most_atoms=24,
+    most_terms=200,
+    most_products=200**2,
+    most_power=16,
+)
+"""Sums of monomials on the sphere with g3 once at most, and functions of g2."""
 
 
 def turns_by_latitude(tape: Tape, g1_sign: int, g3_sign: int) -> bool:
     """Tell whether V = c₀(g2) + c₁(g2) g1² is proved where g1 and g3 have these signs; False is no claim."""
-    algebra = _OfLatitude((g1_sign, g3_sign))
-    found = tape.evaluate(algebra, algebra.axes())
-    if found is None:
+    try:
+        found = read(tape, replace(_OF_LATITUDE, signs=(g1_sign, 0, g3_sign)))
+    except NotAMonomialSumError:
         return False
-    return all(powers[0] == 0 and powers[1] in (0, 2) for powers, _ in found.terms())
-
-
-@dataclass(slots=True)
-class _OfLatitude:
-    """An Algebra of polynomials on the sphere in which functions of g2 alone are further variables."""
-
-    signs: tuple[int, int]
-    """Signs of g1 and g3."""
-    atoms: dict[tuple[str, ...], int] = field(default_factory=dict)
-    context: fmpq_mpoly_ctx = field(
-        default_factory=lambda: fmpq_mpoly_ctx.get(
-            ["g3", "g1", "g2", *(f"f{k}" for k in range(MAX_ATOMS))], Ordering.lex
-        )
+    return all(
+        third == 0 and first in (0, 2 * found.unit) and not {LOG_G1, LOG_G3} & dict(atoms).keys()
+        for first, _, third, _, atoms in found.terms
     )
-
-    def axes(self) -> tuple[Element, Element, Element]:
-        """Return g1, g2 and g3."""
-        g3, g1, g2 = self.context.gens()[:3]
-        return g1, g2, g3
-
-    def constant(self, value: Fraction) -> Element:
-        return self.context.constant(fmpq(value.numerator, value.denominator))
-
-    def pi(self) -> Element:
-        return self._atom("pi")
-
-    def add(self, left: Element, right: Element) -> Element:
-        return None if left is None or right is None else self._reduced(left + right)
-
-    def subtract(self, left: Element, right: Element) -> Element:
-        return None if left is None or right is None else self._reduced(left - right)
-
-    def multiply(self, left: Element, right: Element) -> Element:
-        if left is None or right is None or len(left) * len(right) > MAX_TERMS**2:
-            return None
-        return self._reduced(left * right)
-
-    def negate(self, operand: Element) -> Element:
-        return None if operand is None else -operand
-
-    def divide(self, left: Element, right: Element) -> Element:
-        return self.multiply(left, self.power(right, Fraction(-1)))
-
-    def power(self, base: Element, exponent: Fraction) -> Element:
-        if base is None:
-            return None
-        if exponent.denominator == 1 and 0 < exponent <= MAX_POWER:
-            power: Element = base
-            for _ in range(exponent.numerator - 1):
-                power = self.multiply(power, base)
-            return power
-        if base.is_constant() and base and exponent.denominator == 1 and abs(exponent) <= MAX_POWER:
-            return self.context.constant(base.leading_coefficient() ** exponent.numerator)
-        return self._atom("power", base, str(exponent)) if _is_of_latitude(base) else None
-
-    def general_power(self, base: Element, exponent: Element) -> Element:
-        if base is None or exponent is None or not (_is_of_latitude(base) and _is_of_latitude(exponent)):
-            return None
-        return self._atom("general_power", base, exponent)
-
-    def call(self, name: str, argument: Element) -> Element:
-        if argument is None:
-            return None
-        if _is_of_latitude(argument):
-            return self._atom(name, argument)
-        sign = self._sign(argument) if name in ("abs", "sign") else 0
-        if not sign:
-            return None
-        return self.context.constant(fmpq(sign)) if name == "sign" else argument * sign
-
-    def _sign(self, polynomial: fmpq_mpoly) -> int:
-        """Return the sign of c g1^i g3^j, 0 for any other polynomial."""
-        terms = list(polynomial.terms())
-        if len(terms) != 1 or any(terms[0][0][2:]):
-            return 0
-        (third, first, *_), coefficient = terms[0]
-        sign = 1 if coefficient > 0 else -1
-        return int(sign * self.signs[0] ** (first % 2) * self.signs[1] ** (third % 2))
-
-    def _atom(self, *key: str | fmpq_mpoly) -> Element:
-        """Return the variable of a function of g2; the same function of the same polynomial is one."""
-        text = tuple(map(str, key))
-        if text not in self.atoms and len(self.atoms) == MAX_ATOMS:
-            return None
-        return self.context.gens()[3 + self.atoms.setdefault(text, len(self.atoms))]
-
-    def _reduced(self, polynomial: fmpq_mpoly) -> Element:
-        g3, g1, g2 = self.context.gens()[:3]
-        found = polynomial % (g3**2 - (1 - g1**2 - g2**2))
-        return found if len(found) <= MAX_TERMS else None
-
-
-def _is_of_latitude(polynomial: fmpq_mpoly) -> bool:
-    return all(not powers[0] and not powers[1] for powers, _ in polynomial.terms())
-
-
-def formula_of(body: RigidBody, potential: GeneralPotential) -> FormulaPotential | None:
-    """Return the same potential by its formula if F is one constant on all quadrants, else None."""
-    piece = potential.pieces[0]
-    if not potential.is_uniform or not _is_constant(piece.F):
-        return None
-    one, two = exact_tree(Fraction(1)), exact_tree(Fraction(2))
-    squares = [Binary("^", Call(name, potential.reference_angle), two) for name in ("cos", "sin")]
-    T = Binary("+", Binary("*", exact_tree(body.alpha), squares[0]), squares[1])
-    rho = Binary("-", one, Binary("^", Symbol("g2"), two))
-    share = Binary("/", piece.F, Binary("*", Binary("*", exact_tree(body.C), T), rho))
-    moments = [
-        Binary("*", exact_tree(moment), Binary("^", Symbol(name), two))
-        for moment, name in ((body.A, "g1"), (body.C, "g3"))
-    ]
-    Q = Binary("+", moments[0], moments[1])
-    whole = Binary("-", Binary("*", Q, Binary("+", piece.G, share)), piece.F)
-    return Potential.from_tree(whole, FAMILY)
-
-
-def _is_constant(F: Tree) -> bool:
-    tape = compile_tape(F, ("w",))
-    return tape.result != 0 and all(0 not in (made.left, made.right) for made in tape.instructions)
 
 
 _Latitude = tuple[int, arb, arb]

@@ -7,7 +7,16 @@ from collections.abc import Mapping
 from fractions import Fraction
 from itertools import chain
 
-from service.dynamics.exact import added_up, scaled_terms, without_zeros
+from service.dynamics.formula.algebras.monomials import (
+    SPHERE,
+    MonomialSum,
+    added_up,
+    as_fmpq,
+    as_fraction,
+    reduced,
+    scaled_terms,
+    without_zeros,
+)
 from service.dynamics.inverse.monomial_sums import expand
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.potentials.terms.powers import Exponents
@@ -41,15 +50,8 @@ def as_polynomial(potential: Potential) -> dict[Exponents, Fraction] | None:
 
 def on_sphere(polynomial: PolynomialSum) -> dict[Exponents, Fraction]:
     """Return the polynomial with g3² replaced by 1 - g1² - g2² throughout: the normal form on the sphere."""
-    reduced = dict(polynomial)
-    # From the largest power down, so that each is met once, with all that falls to it.
-    for power in range(max((k for _, _, k in reduced), default=0), 1, -1):
-        for i, j in [(i, j) for i, j, k in reduced if k == power]:
-            coefficient = reduced.pop((i, j, power))
-            _add(reduced, (i, j, power - 2), coefficient)
-            _add(reduced, (i + 2, j, power - 2), -coefficient)
-            _add(reduced, (i, j + 2, power - 2), -coefficient)
-    return without_zeros(reduced)
+    terms: MonomialSum = {(*exponents, 0, ()): as_fmpq(value) for exponents, value in polynomial.items()}
+    return {(i, j, k): as_fraction(value) for (i, j, k, *_), value in reduced(terms, SPHERE[2]).items()}
 
 
 def homogeneous_on_sphere(polynomial: PolynomialSum) -> dict[Exponents, Fraction]:

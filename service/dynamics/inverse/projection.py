@@ -28,6 +28,7 @@ from flint import fmpq, fmpq_mat, fmpz_mat, fmpz_mpoly_ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.compatibility import pde_residual
+from service.dynamics.formula.algebras.monomials import as_fraction
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tree import Binary, Tree
 from service.dynamics.inverse.monomial_sums import MAX_COEFFICIENT_BITS
@@ -44,7 +45,6 @@ from service.dynamics.inverse.polynomials import (
 from service.dynamics.inverse.section import formula_text
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.terms.powers import Exponents, monomial_sum
-from service.dynamics.verdict.exact_ring.factors import as_fraction
 
 
 def mean_product(left: PolynomialSum, right: PolynomialSum) -> Fraction:

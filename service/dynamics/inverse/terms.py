@@ -10,7 +10,7 @@ from fractions import Fraction
 from itertools import chain
 
 from service.dynamics.body import RigidBody
-from service.dynamics.exact import added_up, scaled_terms
+from service.dynamics.formula.algebras.monomials import added_up, scaled_terms
 from service.dynamics.inverse.monomial_sums import GENERATORS, Expansion, MonomialSum, Powers, unit
 from service.dynamics.inverse.section import section
 from service.dynamics.potentials.families.homogeneous import B_term, C_term, energy_of_B, energy_of_C

@@ -7,6 +7,7 @@ from flint import arb, ctx, fmpq
 
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.compatibility import residual_ball
+from service.dynamics.formula.algebras.monomials import NotAMonomialSumError
 from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.potentials.families.gravity import gravity_potential
 from service.dynamics.potentials.families.homogeneous import (
@@ -16,9 +17,8 @@ from service.dynamics.potentials.families.homogeneous import (
 )
 from service.dynamics.potentials.families.rational import rational_potential
 from service.dynamics.verdict.proofs.energy_terms import energy_terms
-from service.dynamics.verdict.proofs.power_sums import judge_power_sum, prove_power_sum
+from service.dynamics.verdict.proofs.power_sums import judge_power_sum, number_of, prove_power_sum
 from service.dynamics.verdict.proofs.proof import prove
-from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError, number_of
 from service.dynamics.verdict.sphere.points import sphere_points
 from service.dynamics.verdict.verdict import decide
 
@@ -124,11 +124,18 @@ def test_fractional_powers_of_the_height_are_proved_but_not_refuted():
     assert not alone.is_refuted
 
 
+def test_functions_of_the_height_and_of_its_absolute_value_are_two():
+    # exp(g2) - exp|g2| is 0 for g2 > 0 only.
+    found = judged(DOUBLE, expression("exp(g2) - exp(sqrt(g2^2)) + g1"))
+    assert found.energy is None
+    assert not found.is_refuted
+
+
 @pytest.mark.parametrize(
     "text", ["log(g1)*g1", "g1/g2", "abs(g2)", "g1/(2*g1^2+g3^2)", "sin(g1)", "(2*g1)^k"]
 )
 def test_others_are_no_sums_of_powers(text):
-    with pytest.raises(NotAPowerSumError):
+    with pytest.raises(NotAMonomialSumError):
         judged(DOUBLE, expression(text, k="1/3"))
 
 

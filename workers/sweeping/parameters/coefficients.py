@@ -16,13 +16,14 @@ from flint import fmpq
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.exact import exact_number
+from service.dynamics.formula.algebras.monomials import as_fmpq
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, fold_tree, post_order
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
-from workers.sweeping.parameters.family import Path, degree_in, ratio_of
+from workers.sweeping.parameters.family import Path, degree_in
 
 _Operation = Callable[[fmpq, fmpq], fmpq]
 
@@ -148,7 +149,7 @@ def coefficients_of(
         document_parameters = document.get("parameters")
         parameters = dict(document_parameters) if isinstance(document_parameters, dict) else {}
         fixed = {
-            name: ratio_of(exact_number(value)) for name, value in parameters.items() if name not in names
+            name: as_fmpq(exact_number(value)) for name, value in parameters.items() if name not in names
         }
         split = SplitParameters(names, {*parameters, *names})
         linear = format_tree(fold_tree(tree, split.build)[0])
@@ -160,7 +161,7 @@ def coefficients_of(
     coefficients = Coefficients(
         linear_document, tuple(("parameters", name) for name in made), parts_of(split.parts, names, fixed)
     )
-    values = coefficients.at([ratio_of(number) for number in first])
+    values = coefficients.at([as_fmpq(number) for number in first])
     if values is None:
         return None
     shown = dict(zip(coefficients.paths, map(str, values), strict=True))

@@ -13,7 +13,6 @@ boundary, and then the point is left to a single job.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 from flint import arb, ctx, fmpq
@@ -270,13 +269,3 @@ def _one_double(ball: arb) -> float:
     """Return the double that the whole ball rounds to, NaN if there are two."""
     low, high = float(ball.lower()), float(ball.upper())
     return low if low == high else math.nan
-
-
-def fraction_of(value: fmpq) -> Fraction:
-    """Return flint's rational as Python's."""
-    return Fraction(int(value.p), int(value.q))
-
-
-def ratio_of(value: Fraction) -> fmpq:
-    """Return Python's rational as flint's."""
-    return fmpq(value.numerator, value.denominator)

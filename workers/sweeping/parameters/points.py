@@ -11,12 +11,12 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.monomials import as_fmpq, as_fraction
 from service.dynamics.problem import PlanarMotion, TimePeriods, Times, TimeSpan
 from service.dynamics.sweep_axes import ListedAxis
 from service.schemas.reading.numbers import LARGEST, LATEST
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.sweeping.parameters.coefficients import Coefficients
-from workers.sweeping.parameters.family import fraction_of, ratio_of
 from workers.sweeping.parameters.programs import double_of
 
 FloatArray = NDArray[np.float64]
@@ -42,7 +42,7 @@ class SweptPoints:
             # A double means its shortest decimal.
             return fmpq(*Decimal(repr(double)).as_integer_ratio())
         exact = known[double]
-        return ratio_of(self._sweep.values(int(self._indices[index]))[axis]) if exact is None else exact
+        return as_fmpq(self._sweep.values(int(self._indices[index]))[axis]) if exact is None else exact
 
     def exact_row(self, index: int, axes: Sequence[int]) -> list[fmpq]:
         """Return the numbers on several axes."""
@@ -64,7 +64,7 @@ class SweptPoints:
         least, most = (
             (fmpq(0), None)
             if body.allow_unphysical
-            else (ratio_of(abs(body.A - body.C)), ratio_of(body.A + body.C))
+            else (as_fmpq(abs(body.A - body.C)), as_fmpq(body.A + body.C))
         )
         moments = [self.exact(axis, index) for index in range(self.count)]
         return np.array([B > 0 and least <= B and (most is None or most >= B) for B in moments])
@@ -78,7 +78,7 @@ def curves_of(
     Without an ``axis`` they are those of ``motion``, which has the ``sign``.
     """
     if axis is None:
-        return [ratio_of(motion.lambda_squared)] * points.count, np.full(points.count, sign)
+        return [as_fmpq(motion.lambda_squared)] * points.count, np.full(points.count, sign)
     values = [points.exact(axis, index) for index in range(points.count)]
     if motion.nu is not None:
         return [abs(value) for value in values], np.sign(points.doubles[axis]).astype(np.int64)
@@ -94,7 +94,7 @@ def times_of(points: SweptPoints, axes: Mapping[str, int], time: Times) -> list[
         return [time] * points.count
     result: list[Times | None] = []
     for index in range(points.count):
-        numbers = {name: fraction_of(points.exact(axis, index)) for name, axis in axes.items()}
+        numbers = {name: as_fraction(points.exact(axis, index)) for name, axis in axes.items()}
         changed = replace(time, **numbers)  # type: ignore[arg-type,type-var,unused-ignore]
         if isinstance(changed, TimeSpan):
             is_usable = changed.start < changed.stop and max(-changed.start, changed.stop) <= LATEST
@@ -130,4 +130,4 @@ def listed_exactly(axis: SweepAxis) -> dict[float, fmpq | None]:
         values = (axis.axis.value(0), axis.axis.value(axis.axis.length - 1))
     first: dict[float, Fraction] = {}
     shared = {double for value in values if first.setdefault(double := float(value), value) != value}
-    return {double: None if double in shared else ratio_of(value) for double, value in first.items()}
+    return {double: None if double in shared else as_fmpq(value) for double, value in first.items()}

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.monomials import as_fmpq
 from service.dynamics.formula.tape import Tape, with_inputs
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import Part, with_values
@@ -28,7 +29,7 @@ from workers.solvers.compiled.evaluation.program import (
     numbers_of,
     rests_of,
 )
-from workers.sweeping.parameters.family import Path, ratio_of
+from workers.sweeping.parameters.family import Path
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -60,8 +61,8 @@ class Affine:
 
     def rests(self, parameters: Sequence[Sequence[fmpq]], doubles: Sequence[float]) -> list[float]:
         """Return what the ``doubles`` of the constants at each row of parameters leave out."""
-        at_zero = ratio_of(self.at_zero)
-        slopes = [(k, ratio_of(slope)) for k, slope in enumerate(self.slopes)]
+        at_zero = as_fmpq(self.at_zero)
+        slopes = [(k, as_fmpq(slope)) for k, slope in enumerate(self.slopes)]
         result = list[float]()
         for row, known in zip(parameters, doubles, strict=True):
             left = sum((slope * row[k] for k, slope in slopes if slope), at_zero)
@@ -71,8 +72,8 @@ class Affine:
 
     def doubles(self, parameters: Sequence[Sequence[fmpq]]) -> list[float]:
         """Return the constant at each row of parameters, rounded once."""
-        slopes = [(k, ratio_of(slope)) for k, slope in enumerate(self.slopes) if slope]
-        at_zero, result = ratio_of(self.at_zero), list[float]()
+        slopes = [(k, as_fmpq(slope)) for k, slope in enumerate(self.slopes) if slope]
+        at_zero, result = as_fmpq(self.at_zero), list[float]()
         for row in parameters:
             value = sum((slope * row[k] for k, slope in slopes), at_zero)
             result.append(nearest_double(int(value.p), int(value.q)))

@@ -8,6 +8,7 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.accuracy import keeps
+from service.dynamics.formula.algebras.monomials import as_fraction
 from service.dynamics.motion import COLUMNS, group_errors
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Times
@@ -18,7 +19,6 @@ from workers.solvers.choose import QUICK_SPEED, compiled_tier
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.units import Units
-from workers.sweeping.parameters.family import fraction_of
 from workers.sweeping.parameters.points import (
     Parameters,
     SweptPoints,
@@ -205,7 +205,7 @@ class BlockSolver:
         numbers = indices[left].tolist()
         exact = [here.parameters.exact(index) for index in numbers]
         starts = None if at is None else [here.points.exact(at, index) for index in numbers]
-        begun = None if starts is None else [abs(fraction_of(start)) for start in starts]
+        begun = None if starts is None else [abs(as_fraction(start)) for start in starts]
         curves = [here.squares[index] for index in left.tolist()]
         by_roots = sweep_by_roots(replace(side.rational, body=body), exact, curves, sampling, begun)
         return result.with_others(left, by_roots)
@@ -242,7 +242,7 @@ class BlockSolver:
         for n in np.flatnonzero(decided).tolist():
             B, moment = plan.problem.body.B, plan.moment_axis
             if moment is not None:
-                B = fraction_of(points.exact(moment, int(indices[n])))
+                B = as_fraction(points.exact(moment, int(indices[n])))
             of_point = None if outputs is None else outputs.of_point(n, B)
             if of_point is None:
                 decided[n] = False
@@ -293,7 +293,7 @@ class BlockSolver:
 
     def _potential_at(self, points: SweptPoints, index: int) -> Part:
         values = {
-            path: json_number(fraction_of(points.exact(axis, index)))
+            path: json_number(as_fraction(points.exact(axis, index)))
             for path, axis in zip(self._plan.paths, self._plan.axes, strict=True)
         }
         return with_values(self._plan.potential, dict(values))

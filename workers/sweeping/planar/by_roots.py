@@ -9,13 +9,15 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import chain
 
 import numpy as np
 from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.terms.laurent import Exponents, Laurent
+from service.dynamics.formula.algebras.monomials import added_up, as_fraction, scaled_terms, without_zeros
+from service.dynamics.potentials.terms.laurent import Laurent
 from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import Period
@@ -26,7 +28,7 @@ from workers.solvers.compiled.records import FOUND, Records, copied, new_records
 from workers.solvers.compiled.solve import solve_rational
 from workers.solvers.compiled.time_map.sampling import sample_one
 from workers.solvers.compiled.workspace import WORKSPACE
-from workers.sweeping.parameters.family import SweepFamily, fraction_of
+from workers.sweeping.parameters.family import SweepFamily
 from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, pass_a_pole
 
 FloatArray = NDArray[np.float64]
@@ -44,16 +46,13 @@ class RationalFamily:
 
     def radicand(self, parameters: Sequence[fmpq], nu: Fraction) -> Radicand | None:
         """Return the radicand at a point, the very one of its own job."""
-        terms: dict[Exponents, Fraction] = dict(self.origin)
-        for p, slope in zip(parameters, self.slopes, strict=True):
-            number = fraction_of(p)
-            for exponents, value in slope.items():
-                terms[exponents] = terms.get(exponents, Fraction(0)) + number * value
-        return radicand_of(self.body, {at: value for at, value in terms.items() if value}, nu)
+        slopes = (scaled_terms(slope, p) for p, slope in zip(parameters, self.slopes, strict=True))
+        total = added_up(chain(self.origin.items(), *slopes))
+        return radicand_of(self.body, without_zeros(total), nu)
 
     def at(self, lambda_squared: fmpq, start: Fraction | None) -> PlanarMotion:
         """Return the motion of a point, from |g1| = ``start`` where there is one."""
-        motion, square = self.motion, fraction_of(lambda_squared)
+        motion, square = self.motion, as_fraction(lambda_squared)
         if start is not None and isinstance(motion.start, StartAtPoint):
             motion = replace(motion, start=replace(motion.start, g1=motion.sign_of_g1 * start))
         if motion.nu is not None:
@@ -71,7 +70,12 @@ def rational_family(body: RigidBody, family: SweepFamily, motion: PlanarMotion) 
     if len(known) != len(expanded):
         return None
     origin, *units = known
-    return RationalFamily(body, motion, origin, tuple(_difference(unit, origin) for unit in units))
+    return RationalFamily(
+        body,
+        motion,
+        origin,
+        tuple(without_zeros(added_up(chain(unit.items(), scaled_terms(origin, fmpq(-1))))) for unit in units),
+    )
 
 
 def sweep_by_roots(
@@ -156,9 +160,3 @@ class _Found:
     def _asked(self, period: Period) -> SampleTimes:
         time = self._sampling.time
         return sample_times(time, period) if isinstance(time, TimePeriods) else self._shared
-
-
-def _difference(one: Laurent, other: Laurent) -> Laurent:
-    keys = {*one, *other}
-    difference = {key: one.get(key, Fraction(0)) - other.get(key, Fraction(0)) for key in keys}
-    return {key: value for key, value in difference.items() if value}

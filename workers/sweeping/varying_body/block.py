@@ -15,16 +15,16 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import MAX_MOMENT_RATIO
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.monomials import NotAMonomialSumError, as_fmpq
 from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import PlanarMotion, Problem, Times
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import REDUCTION_BITS
-from service.dynamics.verdict.proofs.power_sums import CurveEnergy, Judgement, judge_power_sum
-from service.dynamics.verdict.proofs.reading_powers import NotAPowerSumError, number_of
+from service.dynamics.verdict.proofs.power_sums import CurveEnergy, Judgement, judge_power_sum, number_of
 from service.schemas.sweep.sweep import Sweep
 from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.frame import Bodies, loops_of
-from workers.sweeping.parameters.family import ratio_of, rounded
+from workers.sweeping.parameters.family import rounded
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, curves_of, listed_exactly, times_of
 from workers.sweeping.parameters.programs import double_of
 from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, sweep_loops
@@ -160,11 +160,11 @@ class VaryingSolver:
 
     def _moments(self, points: SweptPoints, index: int) -> MomentsOfPoint:
         body, axes = self._plan.problem.body, self._plan.moments
-        A = points.exact(axes["A"], index) if "A" in axes else ratio_of(body.A)
-        C = points.exact(axes["C"], index) if "C" in axes else ratio_of(body.C)
+        A = points.exact(axes["A"], index) if "A" in axes else as_fmpq(body.A)
+        C = points.exact(axes["C"], index) if "C" in axes else as_fmpq(body.C)
         if "B" in axes:
             return MomentsOfPoint(A, points.exact(axes["B"], index), C)
-        return MomentsOfPoint(A, None if body.B is None else ratio_of(body.B), C)
+        return MomentsOfPoint(A, None if body.B is None else as_fmpq(body.B), C)
 
     def _is_body(self, moments: MomentsOfPoint) -> bool:
         """Tell whether there is such a body, and planar motions of it."""
@@ -188,7 +188,7 @@ class VaryingSolver:
         exact_numbers = [number for number in exact if number is not None]
         try:
             return template, row, values, judge_power_sum(moments.A, moments.C, template.tape, exact_numbers)
-        except NotAPowerSumError:
+        except NotAMonomialSumError:
             return None
 
     def _template(

@@ -21,8 +21,7 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
     sines,
 )
 from service.dynamics.reduction.sign_proofs.equators import equators
-from service.dynamics.verdict.proofs.power_sums import Judgement
-from service.dynamics.verdict.proofs.reading_powers import PowerSum, number_of
+from service.dynamics.verdict.proofs.power_sums import Judgement, Term, have_g2, number_of
 from workers.solvers.compiled.records import Records
 from workers.sweeping.parameters.programs import double_of
 from workers.sweeping.planar.exclusions import LOG_LAMBDA_ERROR
@@ -109,7 +108,9 @@ def have_no_motion(
 _Row = list[tuple[float, float, float, float, float, float]]
 
 
-def _read(terms: PowerSum, moments: MomentsOfPoint, is_mirrored: bool, motion: PlanarMotion) -> "_Row | None":
+def _read(
+    terms: Sequence[Term], moments: MomentsOfPoint, is_mirrored: bool, motion: PlanarMotion
+) -> "_Row | None":
     """Return the terms of p² up to a positive factor, None if there are none or too many."""
     if not terms or len(terms) > MOST_TERMS:
         return None
@@ -120,7 +121,7 @@ def _read(terms: PowerSum, moments: MomentsOfPoint, is_mirrored: bool, motion: P
     for (coefficient, a, height, d, odd_first, odd_height, odd_third, constants), power in zip(
         terms, sine, strict=True
     ):
-        if any(size for (_, argument), _ in constants for *_, size in argument):
+        if have_g2(constants):
             return None
         value = coefficient if A > C else -coefficient
         if (odd_first and motion.sign_of_g1 < 0) != (odd_third and motion.g3_sign < 0):

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from flint import fmpq
 
 from service.dynamics.exact import exact_number
+from service.dynamics.formula.algebras.monomials import as_fmpq
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
@@ -16,7 +17,7 @@ from service.dynamics.potentials.potential import Potential
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
 from workers.sweeping.parameters.coefficients import ExactParts, SplitParameters, parts_of
-from workers.sweeping.parameters.family import Path, degree_in, ratio_of
+from workers.sweeping.parameters.family import Path, degree_in
 from workers.sweeping.varying_body.templates import MOMENTS, Key, Model, MomentsOfPoint, kind_of
 
 _STEP = fmpq(104_729, 611_953)
@@ -199,7 +200,7 @@ def _homogeneous(document: Mapping[str, object], paths: Sequence[Path]) -> Model
         stated = document.get(name, [])
         if not isinstance(stated, list):
             return None
-        lists[name] = tuple(ratio_of(exact_number(value)) for value in stated)
+        lists[name] = tuple(as_fmpq(exact_number(value)) for value in stated)
     if any(lists["log"]):
         return None
     return HomogeneousModel(document, tuple(paths), lists)
@@ -218,7 +219,7 @@ def _expression(
         split = SplitParameters(tuple(varying), {*parameters, *names, *MOMENTS})
         holed = format_tree(fold_tree(tree, split.build)[0])
         fixed = {
-            name: ratio_of(exact_number(value)) for name, value in parameters.items() if name not in names
+            name: as_fmpq(exact_number(value)) for name, value in parameters.items() if name not in names
         }
     except (FormulaError, ValueError):
         return None

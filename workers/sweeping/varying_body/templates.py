@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.monomials import as_fmpq, as_fraction
 from service.dynamics.formula.limits import MAX_EXPONENT
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.compiled.evaluation.program import Program, make_program, numbers_of
-from workers.sweeping.parameters.family import fraction_of, ratio_of
 from workers.sweeping.parameters.programs import nearest_double
 
 FloatArray = NDArray[np.float64]
@@ -38,8 +38,8 @@ class MomentsOfPoint(NamedTuple):
 
     def body(self) -> RigidBody:
         """Return the body; whether there is one is known already."""
-        B = None if self.B is None else fraction_of(self.B)
-        return RigidBody(fraction_of(self.A), B, fraction_of(self.C), allow_unphysical=True)
+        B = None if self.B is None else as_fraction(self.B)
+        return RigidBody(as_fraction(self.A), B, as_fraction(self.C), allow_unphysical=True)
 
 
 class Model(Protocol):
@@ -114,11 +114,11 @@ def shared_template(model: Model, moments: MomentsOfPoint, numbers: Sequence[fmp
     if make_program(other)[0].key != program.key:
         return None
     varying: dict[int, tuple[int, int]] = {}
-    fixed = [None if number is None else ratio_of(number) for number in numbers_of(tape)]
+    fixed = [None if number is None else as_fmpq(number) for number in numbers_of(tape)]
     for slot, (number, seen) in enumerate(zip(fixed, numbers_of(other), strict=True)):
-        if number is None or seen is None or number == ratio_of(seen):
+        if number is None or seen is None or number == as_fmpq(seen):
             continue
-        source = _source(number, ratio_of(seen), values, others)
+        source = _source(number, as_fmpq(seen), values, others)
         if source is None:
             return None
         varying[slot] = source
@@ -128,7 +128,7 @@ def shared_template(model: Model, moments: MomentsOfPoint, numbers: Sequence[fmp
 def own_template(tape: Tape) -> Template:
     """Return the template of one point."""
     program, constants = make_program(tape)
-    fixed = [None if number is None else ratio_of(number) for number in numbers_of(tape)]
+    fixed = [None if number is None else as_fmpq(number) for number in numbers_of(tape)]
     return _template(program, tape, constants, fixed, {})
 
 

@@ -12,7 +12,7 @@ from math import comb
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
-from service.dynamics.exact import added_up, scaled_terms
+from service.dynamics.formula.algebras.monomials import added_up, scaled_terms
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.terms.powers import MAX_TERMS, Exponents, TooManyTermsError, monomial_sum
 

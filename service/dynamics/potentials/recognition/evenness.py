@@ -4,7 +4,7 @@ from service.dynamics.formula.parity import is_written_even
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.families.general_solution import GeneralPotential
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.laurent import G2, G3, LaurentAlgebra, g1_of_sign
+from service.dynamics.potentials.terms.laurent import laurent
 
 MAX_PRODUCTS_EVEN = 20_000
 """Most products of terms, before a formula counts as not even."""
@@ -32,7 +32,7 @@ def _is_even(tape: Tape) -> bool:
 def _multiplies_out_even(tape: Tape) -> bool:
     # Written out in powers of g1 and g3, with g2 to the first power at most.
     for sign in (1, -1):
-        terms = tape.evaluate(LaurentAlgebra(MAX_PRODUCTS_EVEN), (g1_of_sign(sign), G2, G3))
+        terms = laurent(tape, sign, most_products=MAX_PRODUCTS_EVEN)
         if terms is None or any(k for _, _, k, _ in terms):
             return False
     return True

@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 from fractions import Fraction
 
+from flint import fmpq
+
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.monomials import as_fraction
 from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.dynamics.potentials.terms.laurent import G2, G3, LaurentAlgebra, g1_of_sign
+from service.dynamics.potentials.terms.laurent import laurent
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,21 +35,15 @@ def recognise(
     numbers. One with π, irrational constants or other functions is not recognised,
     nor one that takes more than ``most_products`` products of terms.
     """
-    g1 = g1_of_sign(g1_sign)
-    if body.A == 2 * body.C:
-        inputs = (g1, G2, G3)
-    elif body.C == 2 * body.A:
-        inputs = (G3, G2, g1)
-    else:
+    is_exchanged = body.C == 2 * body.A
+    if not (is_exchanged or body.A == 2 * body.C) or not isinstance(potential, FormulaPotential):
         return None
-    if not isinstance(potential, FormulaPotential):
-        return None
-    expanded = potential.tape.evaluate(LaurentAlgebra(most_products), inputs)
+    expanded = laurent(potential.tape, g1_sign, is_exchanged=is_exchanged, most_products=most_products)
     if expanded is None:
         return None
 
     def coefficient(i: int, j: int) -> Fraction:
-        return expanded.get((i, j, 0, 0), Fraction(0))
+        return as_fraction(expanded.get((i, j, 0, 0), fmpq(0)))
 
     # c1 (g1² − g2²) = c1 (2 g1² + g3²) − c1.
     c1 = coefficient(0, 2)

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 
 from service.dynamics.errors import DynamicsError
-from service.dynamics.exact import added_up, scaled_terms
+from service.dynamics.formula.algebras.monomials import added_up, scaled_terms
 from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Number, Symbol, Tree
 

@@ -7,24 +7,31 @@ u² = 2u − g1² − g3², so that every polynomial in g1, g2, g3 is one, and o
 1 − g2² − g3² is g1².
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from fractions import Fraction
-from itertools import chain
+from typing import Literal
 
-from service.dynamics.exact import added_up, without_zeros
+from service.dynamics.formula.algebras.monomials import (
+    ONE,
+    MonomialAlgebra,
+    MonomialSum,
+    NotAMonomialSumError,
+    Rules,
+    SquareRelation,
+    as_fraction,
+)
 from service.dynamics.formula.tape import Instruction, Recorder, Tape
 
 MOST_TERMS = 24
 HIGHEST_DEGREE = 24
 
-Monomial = tuple[int, int, int]
-"""The powers of g1, g3 and u."""
-Polynomial = dict[Monomial, Fraction]
-Element = Polynomial | int
-"""A polynomial, or the number of a register."""
+Element = MonomialSum | int
+"""A polynomial in g1, u and g3, or the number of a register."""
 
-ONE: Monomial = (0, 0, 0)
 VARIABLES = ("g1", "g2", "g3", "u")
+_PLACES = (0, 3, 2)
+"""Variables of the three exponents of a monomial."""
+_SQUARE_OF_U = SquareRelation(1, ((0, 1, 0, 2), (2, 0, 0, -1), (0, 0, 2, -1)))
 
 
 def pole_forms(tape: Tape, sigma: int) -> tuple[Tape, Tape]:
@@ -32,55 +39,55 @@ def pole_forms(tape: Tape, sigma: int) -> tuple[Tape, Tape]:
 
     The first has powers of u, the second none but the first.
     """
-    return _pole_form(tape, sigma, HIGHEST_DEGREE), _pole_form(tape, sigma, 1)
+    return _pole_form(tape, sigma, None), _pole_form(tape, sigma, _SQUARE_OF_U)
 
 
-def _pole_form(tape: Tape, sigma: int, highest: int) -> Tape:
-    writer = _Writer(highest)
-    inputs: list[Element] = [
-        {(1, 0, 0): Fraction(1)},
-        {ONE: Fraction(sigma), (0, 0, 1): Fraction(-sigma)},
-        {(0, 1, 0): Fraction(1)},
-    ]
-    result = writer.register(tape.evaluate(writer, inputs))
+def _pole_form(tape: Tape, sigma: int, relation: SquareRelation | None) -> Tape:
+    writer = _Writer(relation)
+    result = writer.register(tape.evaluate(writer, writer.coordinates(sigma)))
     return writer.recorder.whole(result)
 
 
-@dataclass(slots=True)
 class _Writer:
     """An algebra that writes instructions for all that is no polynomial."""
 
-    highest: int
-    """Power of u that is left."""
-    recorder: Recorder = field(default_factory=lambda: Recorder(VARIABLES))
+    def __init__(self, relation: SquareRelation | None) -> None:
+        self.recorder = Recorder(VARIABLES)
+        self._polynomials = MonomialAlgebra(
+            Rules(
+                (1, 1, 1),
+                relation=relation,
+                most_terms=MOST_TERMS,
+                most_products=MOST_TERMS**2,
+                most_degree=HIGHEST_DEGREE,
+            )
+        )
+
+    def coordinates(self, sigma: int) -> list[Element]:
+        """Return g1, g2 = σ (1 - u) and g3."""
+        g1, u, g3 = self._polynomials.coordinates()
+        one = self._polynomials.constant(Fraction(sigma))
+        return [g1, self._polynomials.add(one, {key: -sigma * value for key, value in u.items()}), g3]
 
     def constant(self, value: Fraction) -> Element:
-        return {ONE: value} if value else {}
+        return self._polynomials.constant(value)
 
     def pi(self) -> Element:
         return self._emit(Instruction("pi"))
 
     def add(self, left: Element, right: Element) -> Element:
-        if isinstance(left, dict) and isinstance(right, dict):
-            total = without_zeros(added_up(chain(left.items(), right.items())))
-            if len(total) <= MOST_TERMS:
-                return total
-        return self._emit(Instruction("add", self.register(left), self.register(right)))
+        return self._combined("add", self._polynomials.add, left, right)
 
     def subtract(self, left: Element, right: Element) -> Element:
         return self.add(left, self.negate(right))
 
     def negate(self, operand: Element) -> Element:
         if isinstance(operand, dict):
-            return {monomial: -value for monomial, value in operand.items()}
+            return self._polynomials.negate(operand)
         return self._emit(Instruction("negate", operand))
 
     def multiply(self, left: Element, right: Element) -> Element:
-        if isinstance(left, dict) and isinstance(right, dict):
-            product = _product(left, right, self.highest)
-            if product is not None:
-                return product
-        return self._emit(Instruction("multiply", self.register(left), self.register(right)))
+        return self._combined("multiply", self._polynomials.multiply, left, right)
 
     def divide(self, left: Element, right: Element) -> Element:
         if isinstance(right, dict) and set(right) == {ONE}:
@@ -89,11 +96,10 @@ class _Writer:
 
     def power(self, base: Element, exponent: Fraction) -> Element:
         if isinstance(base, dict) and exponent.denominator == 1 and 0 < exponent <= HIGHEST_DEGREE:
-            power: Polynomial | None = base
-            for _ in range(exponent.numerator - 1):
-                power = None if power is None else _product(power, base, self.highest)
-            if power is not None:
-                return power
+            try:
+                return self._polynomials.power(base, exponent)
+            except NotAMonomialSumError:
+                pass
         return self._emit(Instruction("power", self.register(base), number=exponent))
 
     def general_power(self, base: Element, exponent: Element) -> Element:
@@ -106,7 +112,8 @@ class _Writer:
         """Return the register of an element, a polynomial being written as the sum of its terms."""
         if isinstance(element, int):
             return element
-        terms = [self._term(monomial, value) for monomial, value in sorted(element.items())]
+        ordered = sorted(element.items(), key=lambda term: (term[0][0], term[0][2], term[0][1]))
+        terms = [self._term(monomial[:3], as_fraction(value)) for monomial, value in ordered]
         if not terms:
             return self._emit(Instruction("constant", number=Fraction(0)))
         total, *rest = terms
@@ -114,11 +121,11 @@ class _Writer:
             total = self._emit(Instruction("add", total, term))
         return total
 
-    def _term(self, monomial: Monomial, value: Fraction) -> int:
+    def _term(self, exponents: tuple[int, int, int], value: Fraction) -> int:
+        powers = {place: power for place, power in zip(_PLACES, exponents, strict=True) if power}
         factors = [
-            variable if power == 1 else self._emit(Instruction("power", variable, number=Fraction(power)))
-            for variable, power in zip((0, 2, 3), monomial, strict=True)
-            if power
+            place if power == 1 else self._emit(Instruction("power", place, number=Fraction(power)))
+            for place, power in sorted(powers.items())
         ]
         if value != 1 or not factors:
             factors.insert(0, self._emit(Instruction("constant", number=value)))
@@ -127,25 +134,19 @@ class _Writer:
             product = self._emit(Instruction("multiply", product, factor))
         return product
 
+    def _combined(
+        self,
+        operation: Literal["add", "multiply"],
+        combine: Callable[[MonomialSum, MonomialSum], MonomialSum],
+        left: Element,
+        right: Element,
+    ) -> Element:
+        if isinstance(left, dict) and isinstance(right, dict):
+            try:
+                return combine(left, right)
+            except NotAMonomialSumError:
+                pass
+        return self._emit(Instruction(operation, self.register(left), self.register(right)))
+
     def _emit(self, instruction: Instruction) -> int:
         return self.recorder.emit(instruction)
-
-
-def _product(left: Polynomial, right: Polynomial, highest: int) -> Polynomial | None:
-    """Return the product with u to this power at most, the first or any; None if it is too long."""
-    if len(left) * len(right) > MOST_TERMS**2:
-        return None
-    terms: list[tuple[Monomial, Fraction]] = []
-    for (i, j, k), x in left.items():
-        for (m, n, o), y in right.items():
-            first, third, value = i + m, j + n, x * y
-            if k + o <= highest:
-                terms.append(((first, third, k + o), value))
-            else:
-                # u² = 2u − g1² − g3².
-                terms.append(((first, third, 1), 2 * value))
-                terms.append(((first + 2, third, 0), -value))
-                terms.append(((first, third + 2, 0), -value))
-    total = without_zeros(added_up(terms))
-    too_long = len(total) > MOST_TERMS or any(sum(monomial) > HIGHEST_DEGREE for monomial in total)
-    return None if too_long else total

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import isqrt
 
-from flint import fmpq, fmpq_mpoly, fmpz
+from flint import fmpq_mpoly, fmpz
 
+from service.dynamics.formula.algebras.monomials import as_fraction
 from service.dynamics.verdict.exact_ring.generators import Cosine, Divisor, Element, exponents_of
 from service.dynamics.verdict.exact_ring.layout import NoProofError, UndefinedInOctantError
 from service.dynamics.verdict.exact_ring.ring import Ring
@@ -94,11 +95,6 @@ def prime_powers(number: Fraction) -> list[tuple[int, int]]:
             root = isqrt(part)
             found.append((root, 2 * sign) if root * root == part else (part, sign))
     return found
-
-
-def as_fraction(value: fmpq) -> Fraction:
-    """Return flint's rational as Python's."""
-    return Fraction(int(value.p), int(value.q))
 
 
 def _extract(

@@ -5,7 +5,8 @@ from fractions import Fraction
 
 from flint import fmpq_mpoly
 
-from service.dynamics.verdict.exact_ring.factors import as_fraction, factorise
+from service.dynamics.formula.algebras.monomials import as_fraction
+from service.dynamics.verdict.exact_ring.factors import factorise
 from service.dynamics.verdict.exact_ring.generators import Coordinate, Cosine, Divisor, Element
 from service.dynamics.verdict.exact_ring.layout import (
     LayoutTooSmallError,

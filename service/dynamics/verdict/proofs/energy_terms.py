@@ -10,8 +10,8 @@ from fractions import Fraction
 from itertools import product
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.monomials import as_fraction
 from service.dynamics.formula.limits import MAX_BITS
-from service.dynamics.verdict.exact_ring.factors import as_fraction
 from service.dynamics.verdict.exact_ring.generators import (
     CircleConstant,
     Coordinate,

@@ -14,29 +14,58 @@ Exponents are not roots of anything here, as they are in the ring of :mod:`.proo
 matter. That of α = A/C has 16 digits for a moment that was drawn at random.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
-from math import comb
+from types import MappingProxyType
 from typing import NamedTuple
 
-from flint import fmpq
+from flint import arb, fmpq
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.monomials import (
+    SPHERE,
+    Atom,
+    Monomial,
+    MonomialSum,
+    NotAMonomialSumError,
+    Powers,
+    ReadSum,
+    Rules,
+    added_up,
+    as_fmpq,
+    as_fraction,
+    ratio_of,
+    read,
+    reduced,
+    without_zeros,
+)
 from service.dynamics.formula.limits import MAX_BITS
 from service.dynamics.formula.tape import Tape
 from service.dynamics.verdict.proofs.energy_terms import EnergyTerms
 from service.dynamics.verdict.proofs.proof import Signs
-from service.dynamics.verdict.proofs.reading_powers import (
-    ZERO,
-    Constants,
-    NotAPowerSumError,
-    PowerReader,
-    PowerSum,
-    added,
-    exact,
+
+_NAMED: Mapping[str, Callable[[arb], arb]] = MappingProxyType(
+    {"exp": arb.exp, "sin": arb.sin, "cos": arb.cos}
 )
+"""Smooth functions, whose values at numbers stay as they are; a logarithm or root may be one in disguise."""
+MAX_POWER = 64
+"""Power of g2, which is replaced on the sphere."""
+_RULES = Rules(
+    atoms=frozenset(_NAMED),
+    nests=False,
+    most_terms=256,
+    most_products=256,
+    most_bits=2**20,
+    checks_bits=False,
+)
+
+Constants = tuple[tuple[Atom, int], ...]
+"""Functions of g2 or of nothing with their exponents: to H, which has no ∂V/∂g2, they are constants."""
+Term = tuple[fmpq, fmpq, fmpq, fmpq, int, int, int, Constants]
+"""The coefficient c and exponents a, b, d of c · constants · |g1|^a |g2|^b |g3|^d; 1 or 0 for each of g1, g2
+and g3: whether it is odd there; and the constants."""
 
 
 class EnergyTerm(NamedTuple):
@@ -70,7 +99,7 @@ class CurveEnergy:
         terms: EnergyTerms = {}
         for each in self.terms:
             sign = (first if each.odd_first else 1) * (third if each.odd_third else 1)
-            value, key = sign * _fraction(each.coefficient), (_fraction(each.power), "")
+            value, key = sign * as_fraction(each.coefficient), (as_fraction(each.power), "")
             too_large = max(value.numerator.bit_length(), value.denominator.bit_length()) > MAX_BITS
             if each.constants or too_large:
                 return None
@@ -85,19 +114,33 @@ class Judgement:
     energy: CurveEnergy | None
     is_refuted: bool
     """L(V) ≠ 0 somewhere, certainly."""
-    terms: PowerSum
+    sums: ReadSum
     """The terms of V."""
 
-    def squared_momentum(self) -> PowerSum:
+    def squared_momentum(self) -> list[Term]:
         """Return the terms of A (A - C)/C · p², which are term · (d - a g3²/g1²) for each term of V."""
-        found: PowerSum = []
-        for c, a, height, d, *odd, constants in self.terms:
-            one, two, three = odd
-            if d:
-                found.append((c * d, a, height, d, one, two, three, constants))
-            if a:
-                found.append((-c * a, a - 2, height, d + 2, one, two, three, constants))
-        return added(found, (True, True, True))
+        sums, unit = self.sums, self.sums.unit
+        parts = [
+            part
+            for (a, b, d, signs, atoms), c in sums.terms.items()
+            for part in (
+                ((a, b, d, signs, atoms), c * d),
+                ((a - 2 * unit, b, d + 2 * unit, signs, atoms), -c * a),
+            )
+        ]
+        return [
+            (
+                c / unit,
+                fmpq(a, unit),
+                fmpq(b, unit),
+                fmpq(d, unit),
+                signs & 1,
+                signs >> 1 & 1,
+                signs >> 2,
+                _constants(sums, atoms),
+            )
+            for (a, b, d, signs, atoms), c in without_zeros(added_up(parts)).items()
+        ]
 
 
 def judge_power_sum(A: fmpq, C: fmpq, tape: Tape, numbers: Sequence[fmpq] | None = None) -> Judgement:
@@ -105,75 +148,79 @@ def judge_power_sum(A: fmpq, C: fmpq, tape: Tape, numbers: Sequence[fmpq] | None
 
     Raises
     ------
-    NotAPowerSumError
+    NotAMonomialSumError
         V is no sum of powers of g1, g2 and g3 without infinities at g2 = 0, as far as it is looked at.
     """
-    reader = PowerReader()
-    terms = reader.read(tape, numbers)
-    first, second, third = reader.is_positive
-    is_positive, keeps = (first, second, third), (not first, not second, not third)
+    sums = read(tape, _RULES, numbers)
+    unit = sums.unit
+    if any(not 0 <= height <= MAX_POWER * unit for _, height, *_ in sums.terms):
+        raise NotAMonomialSumError
     # What belongs together is often 0 before g2² is replaced.
-    left = added(_energy(A, C, terms), keeps)
-    if any(each[2] is not ZERO and each[2] > 1 for each in left):
-        left = added(_reduced(left), keeps)
-    for _, a, height, d, _, odd_height, _, constants in left:
-        if height or odd_height or a * A + d * C or not _are_numbers(constants):
+    (a_top, a_bottom), (c_top, c_bottom) = ratio_of(A), ratio_of(C)
+    first, third = a_top * c_bottom, c_top * a_bottom
+    left = _energy(first, third, sums)
+    if any(height > unit for _, height, *_ in left):
+        left = reduced(left, SPHERE[1], unit)
+    for a, height, d, signs, atoms in left:
+        if height or signs & 2 or a * first + d * third or (atoms and have_g2(_constants(sums, atoms))):
             # Between functions of numbers, or fractional powers, may be relations that nobody has looked for.
-            is_known = not any(each[-1] or each[2].q != 1 for each in left)
-            return Judgement(None, is_known, terms)
-    scale = 2 * (A - C)
+            is_known = not any(each[-1] or each[1] % unit for each in left)
+            return Judgement(None, is_known, sums)
+    scale = 2 * (first - third) * unit
     found = tuple(
-        EnergyTerm(c / scale, d, one, three, constants) for c, _, _, d, one, _, three, constants in left
+        EnergyTerm(c / scale, fmpq(d, unit), signs & 1, signs >> 2, _constants(sums, atoms))
+        for (_, _, d, signs, atoms), c in left.items()
     )
-    return Judgement(CurveEnergy(found, is_positive), False, terms)
+    positive = bool(sums.positive & 1), bool(sums.positive & 2), bool(sums.positive & 4)
+    return Judgement(CurveEnergy(found, positive), False, sums)
 
 
 def prove_power_sum(body: RigidBody, tape: Tape) -> CurveEnergy | None:
     """Return the energy of a sum of powers if L(V) = 0 is proved for it, else None."""
     try:
-        return judge_power_sum(exact(body.A), exact(body.C), tape).energy
-    except NotAPowerSumError:
+        return judge_power_sum(as_fmpq(body.A), as_fmpq(body.C), tape).energy
+    except NotAMonomialSumError:
         return None
 
 
-def _energy(A: fmpq, C: fmpq, terms: PowerSum) -> PowerSum:
-    """Return the terms of 2 (A - C) H."""
-    found: PowerSum = []
-    twice = 2 * (A - C)
-    for c, a, height, d, one, two, three, constants in terms:
-        factor = twice
+def _energy(A: int, C: int, sums: ReadSum) -> MonomialSum:
+    """Return the terms of 2 (A - C) H, times the unit, without the signs of what is positive.
+
+    Moments are in parts of each other, as integers.
+    """
+    found: MonomialSum = {}
+    unit, kept = sums.unit, ~sums.positive
+    twice, whole = 2 * unit, 2 * unit * (A - C)
+
+    def count(key: Monomial, value: fmpq) -> None:
+        known = found.get(key)
+        found[key] = value if known is None else known + value
+
+    for (a, b, d, all_signs, atoms), c in sums.terms.items():
+        factor, signs = whole, all_signs & kept
         if d:
             factor = factor + C * d
-            found.append((c * (A * d), a + 2, height, d - 2, one, two, three, constants))
+            count((a + twice, b, d - twice, signs, atoms), c * (A * d))
         if a:
             factor = factor - A * a
-            found.append((-c * (C * a), a - 2, height, d + 2, one, two, three, constants))
-        found.append((c * factor, a, height, d, one, two, three, constants))
+            count((a - twice, b, d + twice, signs, atoms), -c * (C * a))
+        count((a, b, d, signs, atoms), c * factor)
+    return without_zeros(found)
+
+
+def have_g2(constants: Constants) -> bool:
+    """Tell whether g2 is in one of the functions."""
+    return any(height for atom, _ in constants for (_, height, *_), *_ in atom.arguments[0])
+
+
+def _constants(sums: ReadSum, atoms: Powers) -> Constants:
+    return tuple((sums.atoms[number], exponent // sums.unit) for number, exponent in atoms) if atoms else ()
+
+
+def number_of(constants: Constants) -> arb:
+    """Return the product of functions of numbers, at the current precision."""
+    found = arb(1)
+    for atom, power in constants:
+        value = sum((arb(fmpq(p, q)) for _, p, q in atom.arguments[0]), arb(0))
+        found *= _NAMED[atom.name](value) ** power
     return found
-
-
-def _reduced(terms: PowerSum) -> PowerSum:
-    """Return the terms with g2² = 1 - g1² - g3² put in."""
-    found: PowerSum = []
-    for each in terms:
-        c, a, b, d, *odd, constants = each
-        one, two, three = odd
-        half, height = divmod(int(b.p), 2)
-        if not half or b.q != 1:
-            found.append(each)
-            continue
-        for i in range(half + 1):
-            for j in range(half + 1 - i):
-                factor = comb(half, i) * comb(half - i, j) * (-1) ** (i + j)
-                left = fmpq(height) if height else ZERO
-                found.append((c * factor, a + 2 * i, left, d + 2 * j, one, two, three, constants))
-    return found
-
-
-def _are_numbers(constants: Constants) -> bool:
-    """Tell whether no g2 is in them."""
-    return not constants or not any(height for (_, argument), _ in constants for *_, height in argument)
-
-
-def _fraction(value: fmpq) -> Fraction:
-    return Fraction(int(value.p), int(value.q))

@@ -11,7 +11,8 @@ from typing import Protocol, TypeVar
 
 from flint import fmpq_mpoly, fmpz_poly
 
-from service.dynamics.verdict.exact_ring.factors import as_fraction, prime_powers
+from service.dynamics.formula.algebras.monomials import as_fraction
+from service.dynamics.verdict.exact_ring.factors import prime_powers
 from service.dynamics.verdict.exact_ring.generators import (
     CircleConstant,
     Coordinate,

@@ -12,8 +12,9 @@ Polynomials in g1, g2, g3 inside a formula are factored over the rationals, on t
 from dataclasses import dataclass
 from fractions import Fraction
 
-from flint import fmpq, fmpq_mpoly
+from flint import fmpq_mpoly
 
+from service.dynamics.formula.algebras.monomials import as_fraction
 from service.dynamics.formula.register_polynomials import RegisterPolynomials
 from service.dynamics.formula.rewriting import TapeBuilder, copied, with_signs
 from service.dynamics.formula.tape import Instruction, Tape
@@ -60,11 +61,11 @@ class Polynomials:
         constant, found = polynomial.factor()
         if len(found) == 1 and found[0][1] == 1:
             constant, found = reduced.factor()
-        total, factors = _fraction(constant), list[Factor]()
+        total, factors = as_fraction(constant), list[Factor]()
         for factor, multiplicity in found:
             leading = factor.leading_coefficient()
             monic, power = factor / leading, int(multiplicity)
-            total *= _fraction(leading) ** power
+            total *= as_fraction(leading) ** power
             place, scale = self._register_of(
                 monic, register if len(found) == 1 and power == 1 else None, total
             )
@@ -85,16 +86,12 @@ class Polynomials:
     def _written(self, polynomial: fmpq_mpoly) -> int:
         builder, total = self._builder, -1
         for exponents, coefficient in polynomial.terms():
-            term = builder.constant(_fraction(coefficient))
+            term = builder.constant(as_fraction(coefficient))
             for variable, exponent in zip(_ORDER, exponents, strict=True):
                 if exponent:
                     term = builder.multiply(term, builder.power(variable, Fraction(int(exponent))))
             total = term if total < 0 else builder.emit(Instruction("add", total, term))
         return total
-
-
-def _fraction(value: fmpq) -> Fraction:
-    return Fraction(int(value.p), int(value.q))
 
 
 Signs = tuple[int, ...]

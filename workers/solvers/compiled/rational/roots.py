@@ -26,8 +26,9 @@ from typing import cast
 from flint import acb, arb, ctx, fmpq, fmpq_poly, fmpz_poly
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.monomials import as_fmpq
 from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.dynamics.potentials.terms.laurent import G2, G3, Laurent, LaurentAlgebra, g1_of_sign
+from service.dynamics.potentials.terms.laurent import Laurent, laurent
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.three_terms.intervals import RootsUndecidedError, positive_stretches
@@ -93,11 +94,10 @@ def expansion_of(body: RigidBody, potential: Potential, motion: PlanarMotion) ->
     """Return V in the axes of :func:`curve_of`, on the side that ``motion`` is on; None if not rational."""
     if not isinstance(potential, FormulaPotential):
         return None
-    if body.A == 2 * body.C:
-        inputs = (g1_of_sign(motion.sign_of_g1), G2, G3)
-    else:
-        inputs = (G3, G2, g1_of_sign(motion.g3_sign))
-    return potential.tape.evaluate(LaurentAlgebra(), inputs)
+    is_exchanged = body.A != 2 * body.C
+    return laurent(
+        potential.tape, motion.g3_sign if is_exchanged else motion.sign_of_g1, is_exchanged=is_exchanged
+    )
 
 
 def radicand_of(body: RigidBody, expanded: Laurent, nu: Fraction) -> Radicand | None:
@@ -106,9 +106,9 @@ def radicand_of(body: RigidBody, expanded: Laurent, nu: Fraction) -> Radicand | 
         return None
     C = min(body.A, body.C)
     terms: dict[int, fmpq] = {}
-    exact_nu, unit = _exact(nu), _exact(1 / (2 * C))
+    exact_nu, unit = as_fmpq(nu), as_fmpq(1 / (2 * C))
     for (i, j, _, _), value in expanded.items():
-        weight = _exact(value) * unit * exact_nu ** (j // 2)
+        weight = value * unit * exact_nu ** (j // 2)
         at = i + j // 2
         terms[at] = terms.get(at, fmpq(0)) + weight * j
         terms[at - 1] = terms.get(at - 1, fmpq(0)) - weight * i * exact_nu
@@ -285,12 +285,8 @@ def _value(radicand: Radicand, x: arb) -> arb:
     return total
 
 
-def _exact(value: Fraction) -> fmpq:
-    return fmpq(value.numerator, value.denominator)
-
-
 def _ball(value: Fraction) -> arb:
-    return arb(_exact(value))
+    return arb(as_fmpq(value))
 
 
 def _ball_of(value: fmpq) -> arb:
