@@ -133,8 +133,7 @@ class SharedModels:
         gradient, count = shared.own.gradient, len(rows)
         own, other = (moments_of(self._body, rounding) for rounding in (nearest_double, neighbour_of))
         return Models(
-            shared.template.program.code,
-            shared.template.program.result,
+            shared.template.program.gradient,
             gradient.code,
             gradient.gradient,
             gradient.registers,

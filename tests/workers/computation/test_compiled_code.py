@@ -181,7 +181,7 @@ def test_all_sources_that_a_kernel_reaches_are_part_of_its_address(module):
 
 
 def test_a_change_of_one_module_changes_the_address_of_what_depends_on_it_only(tmp_path, clone):
-    changed = f"{PACKAGE}.general.rates"
+    changed = f"{PACKAGE}.general.series"
     names = modules()
     before = json.loads(run(STAMPS, *names, folder=tmp_path, root=clone))
     assert before == {name: stamp(name) for name in names}

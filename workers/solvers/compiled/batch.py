@@ -75,6 +75,7 @@ def solve_batch(batch: Batch) -> BatchResult:
     solve_sets(
         batch.program.code,
         batch.program.result,
+        batch.program.turn,
         batch.constants,
         _NO_RESTS if batch.rests is None else batch.rests,
         TOLERANCES[batch.tier],

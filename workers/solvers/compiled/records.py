@@ -22,23 +22,41 @@ MAX_ARCS = 64
 MAX_ROOTS = 35
 
 
+class Instructions(NamedTuple):
+    """The operations of a program, see :class:`.Program`, and the registers of its results, int64."""
+
+    code: IntArray
+    results: IntArray
+
+
 class Formula(NamedTuple):
     """A program with its constants, and what it is worked out on."""
 
     code: IntArray
     result: int
+    turn: Instructions
     """See :class:`.Program`."""
     constants: FloatArray
     lows: FloatArray
     """Low parts that the doubles of the constants leave out."""
     registers: FloatArray
-    """Registers of the interpreter: shape (4, registers, POINTS)."""
+    """Registers of ``turn``: shape (2, registers, POINTS), see :func:`.interpreter.new_registers`."""
     centres: FloatArray
     radii: FloatArray
     powers: FloatArray
     """Rows of discs: shapes (rows, LANES) and (rows,); see :mod:`compiled.discs.arithmetic`."""
     harmonics: FloatArray
     """Cosine series of dt/du in πu, where dt/du is known by that; else empty."""
+
+
+class Equations(NamedTuple):
+    """The six equations of a body in a potential."""
+
+    gradient: Instructions
+    """See :class:`.Program`."""
+    constants: FloatArray
+    moments: FloatArray
+    """A, B, C, B − C, C − A, A − B."""
 
 
 class Start(NamedTuple):

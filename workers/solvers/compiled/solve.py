@@ -17,7 +17,7 @@ from workers.solvers.compiled.frame import Frame, make_frame, with_rests
 from workers.solvers.compiled.motion import Bounds, FloatLike, SpectralMotion
 from workers.solvers.compiled.rational.orbit import rational_orbit
 from workers.solvers.compiled.rational.roots import Radicand, rational_radicand
-from workers.solvers.compiled.records import Records, copied
+from workers.solvers.compiled.records import Instructions, Records, copied
 from workers.solvers.compiled.time_map.series import time_at
 
 FloatArray = NDArray[np.float64]
@@ -29,7 +29,9 @@ KEPT = 8e-14
 START_ULPS = 8.0
 """Roundings on the way from g1 at the start to the phase there, in 2^-52."""
 
-EMPTY_PROGRAM = Program(np.empty((0, 4), dtype=np.int64), 0)
+_NO_CODE = np.empty((0, 4), dtype=np.int64)
+_NO_INSTRUCTIONS = Instructions(_NO_CODE, np.zeros(1, dtype=np.int64))
+EMPTY_PROGRAM = Program(_NO_CODE, 0, _NO_INSTRUCTIONS, _NO_INSTRUCTIONS)
 NO_CONSTANTS = np.empty((1, 0))
 
 

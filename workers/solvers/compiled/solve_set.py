@@ -9,7 +9,7 @@ from workers.solvers.compiled.discs.arithmetic import new_rows
 from workers.solvers.compiled.doubled.time_map import map_time_doubled
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import inlined, kernel
-from workers.solvers.compiled.records import Formula, Found, Loop, Records, Start
+from workers.solvers.compiled.records import Formula, Found, Instructions, Loop, Records, Start
 from workers.solvers.compiled.time_map.error import add_roundings, map_error
 from workers.solvers.compiled.time_map.proved import build_time_map
 from workers.solvers.compiled.time_map.sampling import extent, sample
@@ -23,7 +23,7 @@ from workers.solvers.compiled.windows.arcs import (
     number_windows,
     set_orbit,
 )
-from workers.solvers.compiled.workspace import Workspace
+from workers.solvers.compiled.workspace import POINTS, Workspace
 
 NOTHING = np.empty(0)
 
@@ -45,10 +45,11 @@ def equator_of(alpha: float, log_lambda: float) -> tuple[float, float]:
 
 
 @kernel
-def new_formula(code: IntArray, result: int, constants: FloatArray) -> Formula:
+def new_formula(code: IntArray, result: int, turn: Instructions, constants: FloatArray) -> Formula:
     """Return a program with its constants, and what it is worked out on."""
-    centres, radii, powers = new_rows(2 * (3 + code.shape[0]))
-    return Formula(code, result, constants, NOTHING, new_registers(code), centres, radii, powers, NOTHING)
+    centres, radii, powers = new_rows(3 + turn.code.shape[0])
+    registers = new_registers(turn.code, 2, POINTS)
+    return Formula(code, result, turn, constants, NOTHING, registers, centres, radii, powers, NOTHING)
 
 
 @inlined
@@ -121,6 +122,7 @@ def map_time(
 def solve_sets(
     code: IntArray,
     result: int,
+    turn: Instructions,
     constants: FloatArray,
     lows: FloatArray,
     tolerance: float,
@@ -140,12 +142,13 @@ def solve_sets(
     """
     if len(loops) == 0:
         return
-    whole, workspace = new_formula(code, result, constants[0]), workspaces[0]
+    whole, workspace = new_formula(code, result, turn, constants[0]), workspaces[0]
     for n in range(len(loops)):
         loop, found = loops[n], founds[n]
         formula = Formula(
             code,
             result,
+            turn,
             constants[n],
             lows[n] if len(lows) else NOTHING,
             whole.registers,

@@ -18,15 +18,16 @@ from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF
-from workers.solvers.compiled.evaluation.program import make_program
+from workers.solvers.compiled.evaluation.program import Program, make_program, numbers_of
 from workers.solvers.compiled.general.held import hold
-from workers.solvers.compiled.general.lanes import LANES
 from workers.solvers.compiled.general.many import solve_pair, solve_pairs
-from workers.solvers.compiled.general.records import Asked, Formula, Gradient, Models
+from workers.solvers.compiled.general.records import Asked, Gradient, Models
 from workers.solvers.compiled.general.run_pair import COLLIDED, NUMBERS, OPEN, VERIFIED
 from workers.solvers.compiled.general.sampling import TOGETHER, values_at
 from workers.solvers.compiled.general.series import ORDER, STATE
 from workers.solvers.compiled.general.steps import ARRIVED, CAUTION, TIRED, new_pieces, seen, take_steps
+from workers.solvers.compiled.lanes import LANES
+from workers.solvers.compiled.records import Equations
 from workers.solvers.integration.errors import (
     CollisionError,
     IntegrationError,
@@ -90,9 +91,10 @@ class CompiledIntegrator:
         return CompiledIntegrator(self._body, self._potential, neighbour_of)
 
     @cached_property
-    def formula(self) -> Formula:
-        """V, with the constants nearest to the exact ones."""
-        return _formula_program(self._potential)
+    def equations(self) -> Equations:
+        """The equations by V and its gradient, with rounded constants."""
+        program, constants = _formula_program(self._potential, self._rounding)
+        return Equations(program.gradient, constants, self.moments)
 
     @cached_property
     def structure(self) -> tuple[object, ...] | None:
@@ -102,7 +104,8 @@ class CompiledIntegrator:
         neighbour goes through other operations.
         """
         own, other = _structure_of(self.gradient), _structure_of(self._other.gradient)
-        return (self.formula.code.tobytes(), self.formula.result, *own) if own == other else None
+        program = self.equations.gradient
+        return (program.code.tobytes(), program.results.tobytes(), *own) if own == other else None
 
     @cached_property
     def models(self) -> Models:
@@ -144,9 +147,7 @@ class CompiledIntegrator:
         """See Integrator.keeps."""
         padded = _padded(run.coefficients)
         is_kept, _, _ = hold(
-            self.formula,
-            self.gradient,
-            self.moments,
+            self.equations,
             run.breaks,
             padded,
             padded.shape[1],
@@ -205,12 +206,11 @@ def models_of(integrators: Sequence[CompiledIntegrator]) -> Models:
     first = integrators[0]
     others = [integrator.neighbour() for integrator in integrators]
     return Models(
-        first.formula.code,
-        first.formula.result,
+        first.equations.gradient,
         first.gradient.code,
         first.gradient.gradient,
         first.gradient.registers,
-        np.array([integrator.formula.constants for integrator in integrators]),
+        np.array([integrator.equations.constants for integrator in integrators]),
         np.array([integrator.gradient.constants for integrator in integrators]),
         np.array([integrator.gradient.constants for integrator in others]),
         np.array([integrator.moments for integrator in integrators]),
@@ -243,9 +243,12 @@ def _gradient_program(potential: FormulaPotential, rounding: Rounding) -> Gradie
 
 
 @lru_cache(maxsize=64)
-def _formula_program(potential: FormulaPotential) -> Formula:
+def _formula_program(potential: FormulaPotential, rounding: Rounding) -> tuple[Program, FloatArray]:
     program, constants = make_program(potential.tape)
-    return Formula(program.code, constants, program.result)
+    for slot, number in enumerate(numbers_of(potential.tape)):
+        if number is not None:
+            constants[slot] = rounding(number)
+    return program, constants
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,9 +53,9 @@ class Perturbed:
             return None, run
         moments = np.array([float(each) for each in (A, B, C, B - C, A - C, A - B)])
         out = np.empty(8)
-        code, result = self.program.code, self.program.result
+        of_potential = self.program.code, self.program.result, self.program.turn, constants
         workspace = new_records(WORKSPACE)
-        if not turn(code, result, constants, run.loops, run.panels, run.found, workspace, moments, out):
+        if not turn(*of_potential, run.loops, run.panels, run.found, workspace, moments, out):
             return None, run
         found = Monodromy(
             out[:4].reshape(2, 2), float(out[ERROR]), float(out[EXCURSION]), int(out[LOOKED_AT])

@@ -19,10 +19,16 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.monomials import as_fmpq
-from service.dynamics.formula.tape import Instruction, Tape, with_inputs
+from service.dynamics.formula.tape import Tape, with_inputs
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import Part, with_values
-from workers.solvers.compiled.evaluation.program import Program, make_program, rests_of
+from workers.solvers.compiled.evaluation.program import (
+    Program,
+    has_number,
+    make_program,
+    numbers_of,
+    rests_of,
+)
 from workers.sweeping.parameters.family import Path
 
 FloatArray = NDArray[np.float64]
@@ -188,7 +194,7 @@ class Group:
 
     def tape_of_all(self) -> Tape:
         """Return the tape that has the varying constants as further variables."""
-        numbered = [index for index, at in enumerate(self.tape.instructions) if _has_number(at)]
+        numbered = [index for index, at in enumerate(self.tape.instructions) if has_number(at)]
         return with_inputs(self.tape, [numbered[slot] for slot in self.varying])
 
     def inputs(self) -> tuple[FloatArray, ...]:
@@ -223,15 +229,6 @@ def _tape(
 ) -> Tape:
     values: dict[Path, object] = dict(zip(paths, map(str, numbers), strict=True))
     return potential_of(with_values(document, values), body).tape
-
-
-def numbers_of(tape: Tape) -> list[Fraction | None]:
-    """Return the constants of a tape in the order of :func:`make_program`, None for π."""
-    return [instruction.number for instruction in tape.instructions if _has_number(instruction)]
-
-
-def _has_number(instruction: Instruction) -> bool:
-    return instruction.operation == "pi" or instruction.number is not None
 
 
 def nearest_double(numerator: int, denominator: int) -> float:

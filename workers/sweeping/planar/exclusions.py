@@ -25,6 +25,7 @@ from workers.solvers.compiled.evaluation.program import (
     MULTIPLY,
     NEGATE,
     POWER,
+    SIGN,
     SIN,
     SUBTRACT,
     TAN,
@@ -69,47 +70,31 @@ def slopes_along(
     nothing has a larger range the caller finds that it knows less.
     """
     g1, g2, g3, rows = (np.asarray(each, dtype=np.longdouble) for each in (g1, g2, g3, rows))
-    none = np.zeros_like(g1)
-    values, slopes = [g1, g2, g3], [-g3, none, g1]
-    for operation, left, right, slot in program.code.tolist():
-        x, dx = values[left], slopes[left]
-        if operation == CONSTANT:
-            value, slope = none + rows[:, slot, None, None], none
-        elif operation == ADD:
-            value, slope = x + values[right], dx + slopes[right]
-        elif operation == SUBTRACT:
-            value, slope = x - values[right], dx - slopes[right]
-        elif operation == MULTIPLY:
-            value, slope = x * values[right], x * slopes[right] + dx * values[right]
-        elif operation == DIVIDE:
-            value = x / values[right]
-            slope = dx / values[right] - value * (slopes[right] / values[right])
-        elif operation == NEGATE:
-            value, slope = -x, -dx
-        elif operation == POWER:
-            exponent = rows[:, slot, None, None]
-            value = np.power(x, exponent)
-            slope = np.where(dx == 0.0, 0.0, exponent * value * (dx / x))
+    values = [g1, g2, g3]
+    for operation, left, right, slot in program.turn.code.tolist():
+        x = values[left]
+        if operation in (CONSTANT, POWER):
+            number = right + (rows[:, slot, None, None] if slot >= 0 else np.zeros_like(g1))
+            values.append(number + np.zeros_like(g1) if operation == CONSTANT else np.power(x, number))
+        elif operation in _ARITHMETIC:
+            values.append(_ARITHMETIC[operation](x, values[right]))
         else:
-            value, slope = _called(operation, x, dx)
-        values.append(value)
-        slopes.append(slope)
-    return slopes[program.result]
+            values.append(_FUNCTIONS[operation](x))
+    D: FloatArray = values[program.turn.results[0]]
+    return D
 
 
-def _called(operation: int, x: FloatArray, dx: FloatArray) -> tuple[FloatArray, FloatArray]:
-    if operation == EXP:
-        return np.exp(x), np.exp(x) * dx
-    if operation == LOG:
-        return np.log(x), dx / x
-    if operation == SIN:
-        return np.sin(x), np.cos(x) * dx
-    if operation == COS:
-        return np.cos(x), -np.sin(x) * dx
-    if operation == TAN:
-        return np.tan(x), (1.0 + np.tan(x) ** 2) * dx
-    # A sign, or a power whose exponent is no number: of these nothing is said but for |x|.
-    return (np.abs(x), np.sign(x) * dx) if operation == ABS else (x + np.nan, dx + np.nan)
+_ARITHMETIC = {ADD: np.add, SUBTRACT: np.subtract, MULTIPLY: np.multiply, DIVIDE: np.divide}
+_FUNCTIONS = {
+    NEGATE: np.negative,
+    EXP: np.exp,
+    LOG: np.log,
+    SIN: np.sin,
+    COS: np.cos,
+    TAN: np.tan,
+    ABS: np.abs,
+    SIGN: np.sign,
+}
 
 
 LOG_LAMBDA_ERROR = 2.0**-50

@@ -19,8 +19,8 @@ from service.dynamics.formula.algebras.monomials import as_fmpq, as_fraction
 from service.dynamics.formula.limits import MAX_EXPONENT
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import Potential
-from workers.solvers.compiled.evaluation.program import Program, make_program
-from workers.sweeping.parameters.programs import nearest_double, numbers_of
+from workers.solvers.compiled.evaluation.program import Program, make_program, numbers_of
+from workers.sweeping.parameters.programs import nearest_double
 
 FloatArray = NDArray[np.float64]
 Key = tuple[object, ...]

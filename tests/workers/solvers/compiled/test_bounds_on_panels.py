@@ -100,7 +100,7 @@ def test_discs_hold_what_the_formula_is_in_the_complex_plane(rigid_body, text):
     centres = draws.uniform(0.03, np.pi - 0.03, 30)
     radii = draws.choice([0.0, 1e-8, 1e-3, 0.02, 0.1, 0.3], 30) * np.minimum(centres, np.pi - centres)
     half = float(draws.choice([-1.0, 1.0])) if "abs(g3)" in text else 1.0
-    discs, worked = new_records(DISC_WORKSPACE)[0], new_formula(program.code, program.result, constants)
+    discs, worked = new_records(DISC_WORKSPACE)[0], new_formula(*program[:3], constants)
     for m in range(30):
         put_disc(discs, m, half * np.sin(centres[m]), np.cos(centres[m]), radii[m])
     for k, side in enumerate((1.0, -1.0)):
@@ -129,7 +129,7 @@ def test_discs_hold_what_the_formula_is_in_the_complex_plane(rigid_body, text):
 def scanned(rigid_body, text, log_lambda=0.0):
     loop = loop_of(rigid_body, log_lambda)
     program, constants = make_program(formula(text, rigid_body).tape)
-    worked, zeros = new_formula(program.code, program.result, constants), np.empty(16)
+    worked, zeros = new_formula(*program[:3], constants), np.empty(16)
     count, *ends = scan_half(worked, loop, 1.0, zeros, new_records(WORKSPACE)[0])
     sine, cosine = 1.0 / np.cosh(zeros[: max(count, 0)]), -np.tanh(zeros[: max(count, 0)])
     height = cosine * np.sqrt(loop.z**2 + loop.g**2 * (1.0 + sine * sine))

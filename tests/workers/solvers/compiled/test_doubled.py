@@ -10,7 +10,7 @@ from flint import arb, ctx
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from tests.support.planar import body, formula
 from workers.solvers.choose import enclose
-from workers.solvers.compiled.doubled import curve, derivative, harmonics, time_map
+from workers.solvers.compiled.doubled import curve, harmonics, time_map
 from workers.solvers.compiled.doubled.arithmetic import doubled
 from workers.solvers.compiled.evaluation.program import make_program, rest_of, rests_of
 from workers.solvers.compiled.motion import Bounds
@@ -68,44 +68,7 @@ def test_samples_keep_the_tier_at_late_times(case, turns):
     assert worst <= found.error_at(times) <= 1e-13
 
 
-def formula_of(text, rigid_body):
-    potential = formula(text, rigid_body)
-    program, constants = make_program(potential.tape)
-    made = new_formula(program.code, program.result, constants)
-    return potential, made._replace(lows=rests_of(potential.tape, constants))
-
-
-def test_the_derivative_is_that_of_balls():
-    rigid_body = body("17/10", 1, "13/10")
-    potential, made = formula_of("abs(g1)^(17/10)/3 - g2*(g1/g3 - pi*g3^3) + sqrt(g3)*(-g2)", rigid_body)
-    g = np.zeros((6, 2))
-    g[0::2] = [[0.3, -0.2], [0.7, -0.6], [0.5, 0.9]]
-    row = derivative.derivative_doubled(made, g, 2)
-    registers = made.registers
-    with ctx.workprec(200):
-        for m in range(2):
-            at = [arb(value) for value in g[0::2, m].tolist()]
-            exact = _derivative(at)
-            value = arb(registers[derivative.SLOPE, row, m]) + arb(registers[derivative.SLOPE_LOW, row, m])
-            # A few roundings of 2^-104 for each of ten terms of size 1.
-            assert abs(value - exact) < 2.0**-94
-    assert potential.tape.instructions
-
-
-def _derivative(at):
-    """D of the formula above, by hand."""
-    g1, g2, g3 = at
-    size = abs(g1)
-    first = (arb(17) / 30) * size ** (arb(7) / 10) * (1 if g1 > 0 else -1) - g2 / g3
-    third = g2 * g1 / g3**2 + 3 * arb.pi() * g2 * g3**2 - g2 / (2 * g3.sqrt())
-    return g1 * third - g3 * first
-
-
 def test_other_functions_are_left_to_others():
-    rigid_body = body("17/10", 1, "13/10")
-    _, made = formula_of("exp(g1)", rigid_body)
-    row = derivative.derivative_doubled(made, np.full((6, 1), 0.5), 1)
-    assert np.isnan(made.registers[derivative.SLOPE, row, 0])
     narrow = formula("-g1 + g1/(1000*(g2^2+1/1000))*0 + exp(-g1)/1000", body(2, 1))
     assert solve_spectral(body(2, 1), narrow, NU, tier="high") is None
 
@@ -115,7 +78,7 @@ def test_ends_are_zeros_to_twice_the_digits(case):
     loops = found.loops.copy()
     loop = loops[0]
     program, constants = make_program(potential.tape)
-    made = new_formula(program.code, program.result, constants)
+    made = new_formula(*program[:3], constants)
     made = made._replace(lows=rests_of(potential.tape, constants))
     pairs = np.empty((curve.ROWS, harmonics.TOGETHER + 16))
     middle = np.arctan2(loop.s_middle, loop.c_middle)

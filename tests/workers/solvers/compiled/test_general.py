@@ -8,25 +8,25 @@ import pytest
 
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.euler_poisson import energy_integral, euler_poisson_rhs
-from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.motion import COLUMNS
 from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.solution.dense_output import DenseOutput
 from tests.workers.solvers.integration.cases import BODY
+from workers.solvers.compiled.evaluation.interpreter import new_registers
+from workers.solvers.compiled.evaluation.program import numbers_of
 from workers.solvers.compiled.general.held import hold
-from workers.solvers.compiled.general.integrals import integrals_at
-from workers.solvers.compiled.general.lanes import LANES, first_row, new_rows, number_at, place_of, put_number
 from workers.solvers.compiled.general.many import solve_pair
 from workers.solvers.compiled.general.nodes import HALVES, PLACES, put_gains, put_series, put_whole_states
-from workers.solvers.compiled.general.rates import WIDTH, new_values, rates_at
 from workers.solvers.compiled.general.records import Asked
 from workers.solvers.compiled.general.run_pair import COLLIDED, INACCURATE, OPEN, VERIFIED
 from workers.solvers.compiled.general.sampling import new_values_at
 from workers.solvers.compiled.general.series import COUNT, ORDER, STATE, take_series
 from workers.solvers.compiled.general.steps import ARRIVED, FAILED, TIRED
 from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.lanes import LANES, first_row, new_rows, number_at, place_of, put_number
+from workers.solvers.compiled.shown.states import WIDTH, evaluate
 from workers.solvers.integration.compiled import integrator_of, models_of, pair_request, verified_runs
-from workers.solvers.integration.programs import gradient_program
+from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.run_pair import Span
 
 FORMULA = "exp(g2)*sin(g1) + log(2 + g3) + (2 + g2)^(1/3) - 1/(3 + g1^2) + tan(g3/2)"
@@ -116,30 +116,30 @@ def test_values_at_the_nodes_have_the_series_and_the_integral_of_the_piece(level
     assert np.abs(integral - np.pad(exact, ((0, count - degree - 1), (0, 0)))).max() <= 1e-13
 
 
-def test_rates_are_those_of_the_equations():
-    field = expression_potential(FORMULA, {}, BODY)
-    program, integrator = gradient_program(field, nearest_double), integrator_of(BODY, field)
-    states = np.random.default_rng(5).uniform(-0.9, 0.9, (WIDTH, STATE))
-    values, rates = new_values(program.registers, program.constants), np.empty((STATE, WIDTH))
-    values[:STATE] = states.T
-    rates_at(program.code, program.gradient, integrator.moments, values, rates, WIDTH)
+@pytest.mark.parametrize("text", [FORMULA, "-g1 + g2^3*g3^(-2)/20 + 2^g2 - (2 + g1)^(1/2)"])
+def test_rates_and_integrals_are_those_of_the_equations(text):
+    field = expression_potential(text, {}, BODY)
+    equations = integrator_of(BODY, field).equations
+    states = np.random.default_rng(6).uniform(0.1, 0.9, (WIDTH, STATE))
+    rates, found = np.empty((STATE, WIDTH)), np.empty((3, WIDTH))
+    registers = new_registers(equations.gradient.code, 1, WIDTH)
+    evaluate(equations, registers, np.ascontiguousarray(states.T), rates, found, WIDTH)
     expected = euler_poisson_rhs(BODY, field, states[:, :3], states[:, 3:])
     truth = np.concatenate([expected.omega, expected.gamma], axis=1)
-    # Some ten roundings of numbers up to 10.
-    assert np.abs(rates.T - truth).max() <= 2e-14
-
-
-@pytest.mark.parametrize("text", [FORMULA, "-g1 + g2^3*g3^(-2)/20 + 2^g2 - (2 + g1)^(1/2)"])
-def test_integrals_are_those_of_the_equations(text):
-    field = expression_potential(text, {}, BODY)
-    formula, moments = integrator_of(BODY, field).formula, integrator_of(BODY, field).moments
-    states = np.random.default_rng(6).uniform(0.1, 0.9, (WIDTH, STATE))
-    found, registers = np.empty((3, WIDTH)), np.empty((3 + len(formula.code), WIDTH))
-    integrals_at(formula, moments, registers, np.ascontiguousarray(states.T), found, WIDTH)
     energy = energy_integral(BODY, field, states[:, :3], states[:, 3:])
-    areas = (moments[:3] * states[:, :3] * states[:, 3:]).sum(axis=1)
+    areas = (equations.moments[:3] * states[:, :3] * states[:, 3:]).sum(axis=1)
     # Some ten roundings of numbers up to 10.
+    assert np.abs(rates.T - truth).max() <= 2e-14 * max(1.0, np.abs(truth).max() / 10.0)
     assert np.abs(found - [energy, areas, (states[:, 3:] ** 2).sum(axis=1)]).max() <= 2e-14
+
+
+def test_the_neighbouring_problem_has_its_own_constants():
+    """Its run is held against its own equations: a number that a double is not moves, 3 stays."""
+    field = expression_potential("7*g1/10 + g3^3", {}, BODY)
+    integrator = integrator_of(BODY, field)
+    numbers = numbers_of(field.tape)
+    assert integrator.equations.constants.tolist() == [float(number) for number in numbers]
+    assert integrator.neighbour().equations.constants.tolist() == [neighbour_of(number) for number in numbers]
 
 
 def test_runs_end_at_their_end_by_their_number_of_steps_or_at_a_singularity():
@@ -234,5 +234,4 @@ def test_a_run_of_another_field_is_not_held():
     bounds = beside.shape[1], 1e-9, 1e-9, False, 0.0, np.zeros(3), 0.0
     for text, is_kept in (("-g1", True), ("-1000001/1000000*g1", False)):
         integrator = integrator_of(BODY, expression_potential(text, {}, BODY))
-        model = integrator.formula, integrator.gradient, integrator.moments
-        assert hold(*model, breaks, beside, *bounds)[0] == is_kept
+        assert hold(integrator.equations, breaks, beside, *bounds)[0] == is_kept

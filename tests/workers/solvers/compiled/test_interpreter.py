@@ -1,13 +1,37 @@
+"""One law for every arithmetic: V and its derivatives are those of balls, within its bounds."""
+
+import re
+from importlib import import_module
+from pathlib import Path
+
 import numpy as np
 import pytest
 from flint import arb, ctx
 
 from tests.support.planar import body, formula
-from workers.solvers.compiled.evaluation.interpreter import derivative, derivative_with_bound
-from workers.solvers.compiled.evaluation.program import make_program
+from workers.solvers import compiled
+from workers.solvers.compiled.doubled.arithmetic import run_doubled
+from workers.solvers.compiled.doubled.curve import FINER
+from workers.solvers.compiled.evaluation.interpreter import (
+    derivative,
+    derivative_with_bound,
+    new_registers,
+    run_bounded,
+    run_double,
+)
+from workers.solvers.compiled.evaluation.program import make_program, rests_of
+from workers.solvers.compiled.integrals.known import run_known
+from workers.solvers.compiled.shown.discs import run_discs
 from workers.solvers.compiled.solve_set import new_formula
 
 BODY = body(3, 1)
+OWN_LOOPS = {
+    "discs/derivatives.py": "a number is a row with one power of the scale",
+    "evaluation/low_degree.py": "degrees of V, no numbers",
+    "general/series.py": "every order of a series needs the lower ones",
+    "transverse/jets.py": "Hill's coefficients",
+}
+"""Other kernels that read instructions, and why they do."""
 FORMULAS = [
     "-g1",
     "(3*g1^2+g3^2)*(g2^2-1/2+g2^3/5)",
@@ -16,24 +40,116 @@ FORMULAS = [
     "sqrt(1+g1^2)*abs(g3) - g1/(2+g2)",
     "(2+g1)^(g3+g2) + pi*g1^40",
     "16*g1*(8*g1^4+16*g1^2*g3^2+9*g3^4) + 16*g3^6/g1 - g3^8/g1^3",
+    "(2+g2)^(-1/2) - (3+g1)^(-7/3)/9 + abs(g3)^100/abs(g1)^(1/2)",
 ]
+POINTS = 50
+RUNS = {
+    "double": run_double,
+    "bounded": run_bounded,
+    "doubled": run_doubled,
+    "known": run_known,
+    "discs": run_discs,
+}
+PARTS = {"double": 1, "bounded": 2, "doubled": 2, "known": 3, "discs": 2}
+
+
+def points(count=POINTS):
+    found = np.random.default_rng(1).normal(size=(3, count))
+    return found / np.linalg.norm(found, axis=0)
+
+
+def registers_of(arithmetic, potential, g):
+    """Return V and its gradient at points that are doubles, shape (parts of a number, 4, points)."""
+    program, constants = make_program(potential.tape)
+    registers = new_registers(program.gradient.code, PARTS[arithmetic], g.shape[1])
+    registers[0, :3], registers[1:, :3] = g, 0.0
+    rests = rests_of(potential.tape, constants)
+    RUNS[arithmetic](program.gradient.code, constants, rests, registers, g.shape[1])
+    return registers[:, program.gradient.results]
+
+
+def distances(potential, g, *parts):
+    """Return how far the sums of some parts are from V and its gradient, shape (4, points)."""
+    far = np.empty(parts[0].shape)
+    with ctx.workprec(300):
+        for m in range(g.shape[1]):
+            V, slopes, _ = potential.jet_ball(*(arb(x) for x in g[:, m].tolist()))
+            for a, exact in enumerate((V, *slopes)):
+                total = sum((arb(float(part[a, m])) for part in parts), arb(0))
+                far[a, m] = float(abs(total - exact).upper())
+    return far
 
 
 @pytest.mark.parametrize("text", FORMULAS)
-def test_the_derivative_is_that_of_balls_within_its_bound(text):
-    potential = formula(text, BODY)
+def test_every_arithmetic_keeps_its_bounds(text):
+    potential, g = formula(text, BODY), points()
+    value, ulps = registers_of("bounded", potential, g)
+    # First order in the roundings of every operation, none left out.
+    assert (distances(potential, g, value) <= ulps * 2.0**-53).all()
+    assert np.array_equal(registers_of("double", potential, g)[0], value)
+    high, low = registers_of("doubled", potential, g)
+    # What is said of the roundings of a radicand; the inputs are exact in both.
+    assert (distances(potential, g, high, low) <= ulps * 2.0**-53 * FINER).all()
+    high, low, error = registers_of("known", potential, g)
+    # Bounds are rounded to nearest: whoever uses one doubles it.
+    assert (distances(potential, g, high, low) <= 2.0 * error).all()
+    # A function is known to 2^-94 of itself, of its argument and of 1.
+    assert (error <= (1.0 + ulps) * 2.0**-92).all()
+    centres, radii = registers_of("discs", potential, g)
+    assert (distances(potential, g, centres) <= radii).all()
+
+
+@pytest.mark.parametrize("arithmetic", RUNS)
+@pytest.mark.parametrize("text", FORMULAS)
+def test_no_digit_depends_on_the_points_that_are_gone_through_with_it(arithmetic, text):
+    potential, g = formula(text, BODY), points(11)
+    together = registers_of(arithmetic, potential, g)
+    for m in range(11):
+        alone = registers_of(arithmetic, potential, np.ascontiguousarray(g[:, m : m + 1]))
+        assert np.array_equal(alone[..., 0], together[..., m])
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_compiled_code_of_an_arithmetic_belongs_to_its_module(name):
+    """It is found by the sources of that module; the loop itself is written in another."""
+    run = RUNS[name].py_func
+    assert getattr(import_module(run.__module__), run.__qualname__) is RUNS[name]
+
+
+@pytest.mark.parametrize("arithmetic", ["bounded", "known", "discs"])
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("abs(g1)*g2", (0.0, 0.6, 0.8)),
+        ("1/g3", (0.6, 0.8, 0.0)),
+        ("sqrt(g3)", (0.6, 0.8, 0.0)),
+        ("log(g1)", (0.0, 0.6, 0.8)),
+    ],
+)
+def test_there_is_no_bound_where_there_is_no_derivative(arithmetic, text, place):
+    *_, errors = registers_of(arithmetic, formula(text, BODY), np.array(place)[:, None])
+    assert not np.isfinite(errors).all()
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_the_derivative_on_the_loop_is_that_of_balls_within_its_bound(text):
+    potential, g = formula(text, BODY), points()
     program, constants = make_program(potential.tape)
-    worked = new_formula(program.code, program.result, constants)
-    points = np.random.default_rng(1).normal(size=(3, 50))
-    points /= np.linalg.norm(points, axis=0)
-    found = derivative_with_bound(worked, *points, 50)
-    together = [part.copy() for part in found]
-    for k, (D, ulps) in enumerate(zip(*together, strict=True)):
-        with ctx.workprec(200):
-            exact = potential.D_ball(*(arb(x) for x in points[:, k].tolist()))
-            off = abs(float(arb(D) - exact))
-        # First order in the roundings of every operation, none left out.
-        assert off <= ulps * 2.0**-53
-        # No digit depends on the points that are gone through with it.
-        alone = np.ascontiguousarray(points[:, k : k + 1])
-        assert derivative(worked, *alone, 1)[0] == D
+    worked = new_formula(*program[:3], constants)
+    D, ulps = (part.copy() for part in derivative_with_bound(worked, *g, POINTS))
+    with ctx.workprec(200):
+        exact = [potential.D_ball(*(arb(x) for x in g[:, k].tolist())) for k in range(POINTS)]
+        assert all(
+            abs(arb(d) - e) <= u * 2.0**-53 for d, e, u in zip(D.tolist(), exact, ulps.tolist(), strict=True)
+        )
+    assert np.array_equal(derivative(worked, *g, POINTS), D)
+
+
+def test_every_other_loop_over_instructions_is_listed_here():
+    folder = Path(compiled.__path__[0])
+    reading = {
+        source.relative_to(folder).as_posix()
+        for source in folder.rglob("*.py")
+        if re.search(r"\bcode\[\w+, 0\]", source.read_text(encoding="utf-8"))
+    }
+    assert reading == {"evaluation/interpreter.py", *OWN_LOOPS}

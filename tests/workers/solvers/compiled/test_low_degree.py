@@ -12,7 +12,7 @@ BODY = body(2, 1)
 
 def is_low(text: str) -> bool:
     program, constants = make_program(formula(text, BODY).tape)
-    return bool(is_of_low_degree(new_formula(program.code, program.result, constants)))
+    return bool(is_of_low_degree(new_formula(*program[:3], constants)))
 
 
 @pytest.mark.parametrize(

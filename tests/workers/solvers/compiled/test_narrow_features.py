@@ -95,7 +95,7 @@ def test_the_series_departs_from_the_rate_by_no_more_than_is_proved(rigid_body, 
     found = solve_spectral(rigid_body, potential, PlanarMotion(Fraction(lambda_)), tier="draft")
     assert found is not None
     program, constants = make_program(potential.tape)
-    worked, places = new_formula(program.code, program.result, constants), new_records(PLACES)[0]
+    worked, places = new_formula(*program[:3], constants), new_records(PLACES)[0]
     draws, closest = np.random.default_rng(2), 0.0
     for panel in found.panels:
         # Next to a rest point the rounding is divided by the distance.

@@ -17,11 +17,11 @@ from service.dynamics.solution.dense_output import DenseOutput
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
 from workers.solvers import evidence
+from workers.solvers.compiled import records
+from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.evaluation.program import make_program
-from workers.solvers.compiled.shown.discs import gradient_on_discs
 from workers.solvers.compiled.shown.evidence import kept_claim, samples_keep_claim
-from workers.solvers.compiled.shown.gradients import WIDTH, gradients
-from workers.solvers.compiled.shown.states import evaluate, integrals_on, largest_rates
+from workers.solvers.compiled.shown.states import WIDTH, evaluate, integrals_on, largest_rates
 from workers.solvers.compiled.shown.stretches import defect_and_drift
 
 BODY = body(2, 1, "3/2")
@@ -42,36 +42,28 @@ texts = st.sampled_from(FORMULAS)
 def parts(text):
     potential = formula(text, BODY)
     program, constants = make_program(potential.tape)
-    return Equations.of(BODY, potential), program, constants
-
-
-def moments():
     A, B, C = (float(each) for each in (BODY.A, BODY.B, BODY.C))
-    return np.array([A, B, C, B - C, C - A, A - B])
-
-
-def registers(program):
-    count = 3 + len(program.code)
-    return np.empty((4, count, WIDTH)), np.empty((count, 4)), np.empty((count, 4))
+    moments = np.array([A, B, C, B - C, C - A, A - B])
+    return Equations.of(BODY, potential), records.Equations(program.gradient, constants, moments)
 
 
 def on_disc(text, centres, radii):
-    _, program, constants = parts(text)
-    _, c, r = registers(program)
+    equations = parts(text)[1]
+    discs = new_registers(equations.gradient.code, 2, 1)
     bounds, found = np.empty(6), np.empty((2, 3))
-    largest_rates(program.code, constants, program.result, moments(), c, r, centres, radii, bounds)
-    integrals_on(program.code, constants, program.result, moments(), c, r, centres, radii, found)
+    largest_rates(equations, discs, centres, radii, bounds)
+    integrals_on(equations, discs, centres, radii, found)
     return bounds, found
 
 
 @given(texts, states)
 def test_rates_and_integrals_are_those_of_arrays(text, state):
-    equations, program, constants = parts(text)
-    v, _, _ = registers(program)
+    arrays, equations = parts(text)
+    registers = new_registers(equations.gradient.code, 1, WIDTH)
     rates, integrals = np.empty((6, WIDTH)), np.empty((3, WIDTH))
     columns = np.tile(state[:, None], WIDTH)
-    evaluate(program.code, constants, program.result, moments(), v, columns, rates, integrals, 2)
-    expected, others = equations.at(state[None])
+    evaluate(equations, registers, columns, rates, integrals, 2)
+    expected, others = arrays.at(state[None])
     # Some twenty roundings of numbers below 100.
     np.testing.assert_allclose(rates[:, 1], expected[0], rtol=0, atol=1e-12)
     np.testing.assert_allclose(integrals[:, 1], others[0], rtol=0, atol=1e-12)
@@ -80,7 +72,7 @@ def test_rates_and_integrals_are_those_of_arrays(text, state):
 @given(texts, states, st.floats(0.0, 0.8))
 def test_bounds_on_discs_are_those_of_arrays(text, state, radius):
     """The formulas are the same; roundings are counted here and there by other multiples of 2^-50."""
-    equations, *_ = parts(text)
+    equations = parts(text)[0]
     bounds, found = on_disc(text, state, np.full(6, radius))
     others = equations.bound(state[:, None], np.full((6, 1), radius))[:, 0]
     np.testing.assert_allclose(bounds, others, rtol=1e-9, atol=1e-12)
@@ -94,7 +86,7 @@ def test_bounds_on_discs_are_those_of_arrays(text, state, radius):
 @given(texts, states, st.floats(0.0, 0.5), st.integers(0, 2**32 - 1))
 def test_no_state_of_a_disc_has_larger_rates(text, state, radius, seed):
     """At real states of the disc, by the arrays of doubles, which know nothing of discs."""
-    equations, *_ = parts(text)
+    equations = parts(text)[0]
     bounds, found = on_disc(text, state, np.full(6, radius))
     assume(np.isfinite(bounds).all())
     inside = state + radius * np.random.default_rng(seed).uniform(-1.0, 1.0, (50, 6))
@@ -108,19 +100,6 @@ def test_no_state_of_a_disc_has_larger_rates(text, state, radius, seed):
 def test_nothing_is_known_where_a_formula_is_not_analytic(text):
     bounds, _ = on_disc(text, np.array([0.1, 0.2, 0.3, 0.2, 0.3, 0.4]), np.full(6, 0.25))
     assert not np.isfinite(bounds).all()
-
-
-def test_partial_derivatives_on_a_point_are_those_at_it():
-    for text in FORMULAS:
-        _, program, constants = parts(text)
-        v, c, r = registers(program)
-        v[0, :3, 0] = c[:3, 0] = 0.3, -0.4, 0.5
-        r[:3, 0] = 0.0
-        gradients(program.code, constants, v, 1)
-        gradient_on_discs(program.code, constants, c, r)
-        # A function is known to 2^-46, and is multiplied a few times.
-        np.testing.assert_allclose(c[program.result], v[:, program.result, 0], rtol=1e-12, atol=1e-12)
-        assert (r[program.result] <= 1e-11).all()
 
 
 @pytest.fixture(scope="module")
@@ -206,16 +185,13 @@ def test_the_defect_of_any_polynomials_bounds_what_is_integrated(lengths, seed):
     √(2n) times the maximum of the series (Parseval), and here n = 33.
     """
     text = "exp(g1*g2)/3 - sin(2*g2 + g3) + cos(g1)"
-    equations, program, constants = parts(text)
+    equations, compiled = parts(text)
     decay = 0.3 ** np.arange(21.0)[None, :, None]
     coefficients = np.random.default_rng(seed).uniform(-1.0, 1.0, (3, 21, 6)) * decay
     dense = DenseOutput((), np.cumsum([0.0, *lengths]), coefficients, None, 1.0)
     # Everything explains integrals within such a claim.
     defect, _ = defect_and_drift(
-        program.code,
-        constants,
-        program.result,
-        moments(),
+        compiled,
         coefficients,
         np.diff(dense.breaks),
         1e3,

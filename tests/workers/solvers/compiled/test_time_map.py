@@ -31,7 +31,7 @@ def solved(request):
     program, constants = make_program(formula(request.param, DOUBLE).tape)
     frame = make_frame(DOUBLE, PlanarMotion(Fraction(1)))
     run = solve_batch(Batch(program, constants[None, :], frame.shared, "standard"))
-    return run, new_formula(program.code, program.result, constants)
+    return run, new_formula(*program[:3], constants)
 
 
 def test_the_matrix_turns_values_into_series():

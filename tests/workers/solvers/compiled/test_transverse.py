@@ -9,11 +9,11 @@ from flint import arb, arb_series, ctx
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
 from workers.solvers.compiled.batch import Batch, solve_batch
-from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.precession import advance_of
-from workers.solvers.compiled.records import Formula, copied, new_records
+from workers.solvers.compiled.records import copied, new_records
+from workers.solvers.compiled.solve_set import new_formula
 from workers.solvers.compiled.transverse.functions import derivatives_of_call
 from workers.solvers.compiled.transverse.hill import coefficients
 from workers.solvers.compiled.transverse.jets import WIDTH, D, E, V, Y, evaluate_jets
@@ -52,18 +52,7 @@ def test_collocation_of_a_rotation(angle):
 
 def test_jets_of_a_product():
     program, constants = make_program(formula("g1*g3 + 2/g3^2", body(2, 1)).tape)
-    none = np.empty(0)
-    made = Formula(
-        program.code,
-        program.result,
-        constants,
-        none,
-        new_registers(program.code),
-        np.empty((0, 0)),
-        none,
-        none,
-        none,
-    )
+    made = new_formula(*program[:3], constants)
     jets = np.zeros((8, len(program.code) + 3, WIDTH))
     g1, g3 = np.linspace(0.1, 0.8, WIDTH), np.linspace(0.5, 0.3, WIDTH)
     jets[V, 0], jets[V, 1], jets[V, 2] = g1, 0.2, g3
@@ -88,11 +77,7 @@ def test_gravity_has_the_coefficient_of_lames_equation():
     run = solve_batch(
         Batch(program, constants[None], make_frame(body(2, 1), PlanarMotion(None, 1)).shared, "standard")
     )
-    none = np.empty(0)
-    registers = new_registers(program.code)
-    made = Formula(
-        program.code, program.result, constants, none, registers, np.empty((0, 0)), none, none, none
-    )
+    made = new_formula(*program[:3], constants)
     places = new_records(PLACES)[0]
     v = np.linspace(0.1, 3.0, WIDTH)
     places.sine[:WIDTH], places.cosine[:WIDTH] = np.sin(v), np.cos(v)
@@ -105,9 +90,7 @@ def test_gravity_has_the_coefficient_of_lames_equation():
     assert doubt_of_ends(made, run.loops[0], places, run.panels, len(run.panels)) == 0.0
     out = np.empty(8)
     workspace = new_records(WORKSPACE)
-    assert turn(
-        program.code, program.result, constants, run.loops, run.panels, run.found, workspace, moments, out
-    )
+    assert turn(*program[:3], constants, run.loops, run.panels, run.found, workspace, moments, out)
     assert abs(np.linalg.det(out[:4].reshape(2, 2)) - 1.0) <= out[ERROR] <= 1e-10
     advance, error = advance_of(copied(run.loops))
     # Golden number of ν = 1.

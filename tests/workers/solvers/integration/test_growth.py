@@ -14,8 +14,8 @@ from service.schemas.sweep.reading import read_sweep
 from tests.support import fixed_point
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.compiled.general.growth import grown
-from workers.solvers.compiled.general.lanes import LANES
 from workers.solvers.compiled.general.series import STATE
+from workers.solvers.compiled.lanes import LANES
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration import solve
 from workers.solvers.integration.compiled import integrator_of
@@ -90,7 +90,7 @@ def test_growth_is_that_of_runs_that_begin_apart(text, end, axis):
     apart = np.zeros(STATE)
     apart[axis] = 1e-7
     series = np.pad(run.coefficients, ((0, 0), (0, 0), (0, LANES - STATE)))
-    model = integrator.gradient, integrator.moments, run.breaks, series, series.shape[1]
+    model = integrator.equations, run.breaks, series, series.shape[1]
     found = grown(*model, apart, 0.0, 0.0, float(np.abs(series).max()))
     sides = []
     for sign in (1.0, -1.0):
@@ -110,7 +110,7 @@ def test_kernels_and_general_code_find_the_same_growth():
         np.array([0.1, 1.3, -0.2, 0.6, 0.0, 0.8]), -4.0, local_tolerance=1e-16, max_steps=1000
     )
     series, apart = np.pad(run.coefficients, ((0, 0), (0, 0), (0, LANES - STATE))), np.full(STATE, 1e-16)
-    model = integrator.gradient, integrator.moments, run.breaks, series, series.shape[1]
+    model = integrator.equations, run.breaks, series, series.shape[1]
     by_kernels = grown(*model, apart, UNIT_ROUNDOFF, 0.0, float(np.abs(series).max()))
     found = errors_on_the_way(Equations.of(BODY, field), run, apart, 0.0)
     # J is a difference of rates, with 1e-11 of rounding.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.evaluation.interpreter import power
+from workers.solvers.compiled.evaluation.program import ABS, EXP, LOG, SIGN, SIN, TAN
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.workspace import LANES
 
@@ -22,7 +23,7 @@ SCALE = 0
 """The row of s itself."""
 POWERS = 6
 """Rows behind it that keep powers of s."""
-SCRATCH = 6
+SCRATCH = 3
 """Rows behind those."""
 FIRST_FREE = 1 + POWERS + SCRATCH
 OUTWARDS = 2.0**-50
@@ -190,66 +191,58 @@ def raise_to(
 
 @kernel
 def function(
-    operation: int, c: FloatArray, r: FloatArray, e: FloatArray, to: int, rise: int, i: int, count: int
+    operation: int, c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, count: int
 ) -> None:
-    """Put a function, numbered as in :mod:`compiled.evaluation.program`, and its derivative into two rows."""
-    e[to], e[rise] = 0.0, 0.0
-    if operation >= 13:
-        _sign_or_size(operation, c, r, e, to, rise, i, count)
+    """Put a function, numbered as in :mod:`compiled.evaluation.program`, into a row."""
+    e[to] = 0.0
+    if operation in (ABS, SIGN):
+        _sign_or_size(operation, c, r, e, to, i, count)
         return
-    if operation == 9:
-        _logarithm(c, r, e, to, rise, i, count)
+    if operation == LOG:
+        _logarithm(c, r, e, to, i, count)
         return
     argument = FIRST_FREE - 2
     collapse(c, r, e, argument, i, count)
     for m in range(count):
         x, rx = c[argument, m], r[argument, m]
-        if operation == 8:
+        if operation == EXP:
             z = math.exp(x)
             wide = z * math.expm1(rx)
             c[to, m], r[to, m] = z, wide + (z + wide) * FUNCTIONS + TINY
-            c[rise, m], r[rise, m] = c[to, m], r[to, m]
             continue
         sine, cosine = math.sin(x), math.cos(x)
-        grown, odd = math.cosh(rx) - 1.0, math.sinh(rx)
-        # cosh r − 1 has the rounding of 1.
-        around = (grown + odd + 1.0) * FUNCTIONS
-        of_sine = abs(sine) * grown + abs(cosine) * odd + around
-        of_cosine = abs(cosine) * grown + abs(sine) * odd + around
-        if operation == 10:
-            c[to, m], r[to, m], c[rise, m], r[rise, m] = sine, of_sine, cosine, of_cosine
-        elif operation == 11:
-            c[to, m], r[to, m], c[rise, m], r[rise, m] = cosine, of_cosine, -sine, of_sine
-        else:
+        if operation == TAN:
             # tan(x + d) − tan x = tan d (1 + tan² x)/(1 − tan x tan d), |tan d| ≤ tan |d|.
             z, t = sine / cosine, math.tan(rx) if rx < 1.5 else math.inf
             wide = t * (1.0 + z * z) / (1.0 - abs(z) * t)
             wide = wide * (1.0 + 2.0**-30) + (1.0 + z * z) * FUNCTIONS
-            wide = wide if abs(z) * t < 1.0 - 2.0**-20 else math.nan
-            c[to, m], r[to, m] = z, wide
-            c[rise, m] = 1.0 + z * z
-            r[rise, m] = (2.0 * abs(z) + wide) * wide * (1.0 + OUTWARDS) + (1.0 + z * z) * FUNCTIONS
+            c[to, m], r[to, m] = z, wide if abs(z) * t < 1.0 - 2.0**-20 else math.nan
+            continue
+        value, other = (sine, cosine) if operation == SIN else (cosine, sine)
+        grown, odd = math.cosh(rx) - 1.0, math.sinh(rx)
+        # cosh r − 1 has the rounding of 1.
+        c[to, m] = value
+        r[to, m] = abs(value) * grown + abs(other) * odd + (grown + odd + 1.0) * FUNCTIONS
 
 
 @kernel
 def _sign_or_size(
-    operation: int, c: FloatArray, r: FloatArray, e: FloatArray, to: int, rise: int, i: int, count: int
+    operation: int, c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, count: int
 ) -> None:
     for m in range(count):
         x, rx = c[i, m], r[i, m]
-        sign = 1.0 if x > 0.0 else -1.0
         is_known = abs(x) > rx and (is_even(e[i]) or r[SCALE, m] <= c[SCALE, m])
         wide = 0.0 if is_known else math.nan
-        if operation == 13:
-            c[to, m], r[to, m], c[rise, m], r[rise, m] = abs(x), rx + wide, sign, wide
+        if operation == ABS:
+            c[to, m], r[to, m] = abs(x), rx + wide
         else:
-            c[to, m], r[to, m], c[rise, m], r[rise, m] = sign, wide, 0.0, wide
-    if operation == 13:
+            c[to, m], r[to, m] = (1.0 if x > 0.0 else -1.0), wide
+    if operation == ABS:
         e[to] = e[i]
 
 
 @kernel
-def _logarithm(c: FloatArray, r: FloatArray, e: FloatArray, to: int, rise: int, i: int, count: int) -> None:
+def _logarithm(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, count: int) -> None:
     """Log (c s^e) is log c + e log s."""
     for m in range(count):
         x, rx, s, rs = c[i, m], r[i, m], c[SCALE, m], r[SCALE, m]
@@ -262,4 +255,3 @@ def _logarithm(c: FloatArray, r: FloatArray, e: FloatArray, to: int, rise: int, 
                 wide = math.nan
         wide += (abs(z) + wide + 1.0 + abs(e[i] * math.log(s))) * FUNCTIONS
         c[to, m], r[to, m] = z, (wide if x > rx * (1.0 + 2.0**-40) else math.nan)
-    invert(c, r, e, rise, i)

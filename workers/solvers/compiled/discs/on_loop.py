@@ -49,8 +49,8 @@ def derivatives_on_discs(
     """Return the row of D on the discs, which is beside a power of s = |sin v|; fill in c²."""
     c, r, e = formula.centres, formula.radii, formula.powers
     alpha, size, z, sign = loop.alpha, loop.g, loop.z, loop.sign1
-    first, third = (FIRST_ROW + 4, FIRST_ROW) if loop.mirrored else (FIRST_ROW, FIRST_ROW + 4)
-    second = FIRST_ROW + 2
+    first, third = (FIRST_ROW + 2, FIRST_ROW) if loop.mirrored else (FIRST_ROW, FIRST_ROW + 2)
+    second = FIRST_ROW + 1
     for m in range(count):
         s, sr, k, kr = discs.s_centre[m], discs.s_radius[m], discs.c_centre[m], discs.c_radius[m]
         c[SCALE, m], r[SCALE, m] = s, sr

@@ -11,7 +11,9 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.kernels import fused, kernel
+from workers.solvers.compiled.evaluation.interpreter import Arithmetic, interpreter
+from workers.solvers.compiled.evaluation.program import ABS, EXP, LOG, SIGN, SIN, TAN
+from workers.solvers.compiled.kernels import fused, inlined, kernel
 
 FloatArray = NDArray[np.float64]
 
@@ -180,17 +182,51 @@ def logarithm(a: Twice) -> Twice:
 
 @kernel
 def power(base: Twice, exponent: Twice) -> Twice:
-    """Return base^exponent by multiplications for a small integer; NaN where undefined."""
-    size = abs(exponent[0])
-    if exponent[1] == 0.0 and size <= 64.0 and size == math.floor(size):
-        result, factor, left = (1.0, 0.0), base, int(size)
-        while left:
-            if left & 1:
-                result = multiply(result, factor)
-            left >>= 1
-            if left:
-                factor = multiply(factor, factor)
-        return divide((1.0, 0.0), result) if exponent[0] < 0.0 else result
-    if exponent[0] == 0.5 and exponent[1] == 0.0:
-        return root(base)
+    """Return base^exponent; NaN where undefined."""
+    if abs(exponent[0]) == 0.5 and exponent[1] == 0.0:
+        found = root(base)
+        return divide((1.0, 0.0), found) if exponent[0] < 0.0 else found
     return exponential(multiply(exponent, logarithm(base)))
+
+
+@kernel
+def call(operation: int, a: Twice) -> Twice:
+    """Return a function, numbered as in :mod:`compiled.evaluation.program`."""
+    if operation == EXP:
+        return exponential(a)
+    if operation == LOG:
+        return logarithm(a)
+    if operation in (ABS, SIGN):
+        sign = 1.0 if a[0] > 0.0 else -1.0 if a[0] < 0.0 else 0.0
+        return (sign * a[0], sign * a[1]) if operation == ABS else (sign, 0.0)
+    sine, cosine = sine_and_cosine(a)
+    if operation == TAN:
+        return divide(sine, cosine)
+    return sine if operation == SIN else cosine
+
+
+@inlined
+def _get(registers: FloatArray, n: int, m: int) -> Twice:
+    return registers[0, n, m], registers[1, n, m]
+
+
+@inlined
+def _put(registers: FloatArray, n: int, m: int, a: Twice) -> None:
+    registers[0, n, m], registers[1, n, m] = a
+
+
+@inlined
+def _number(constants: FloatArray, lows: FloatArray, slot: int, more: int) -> Twice:
+    return add((constants[slot], lows[slot]), (float(more), 0.0)) if slot >= 0 else (float(more), 0.0)
+
+
+@inlined
+def _negate(a: Twice) -> Twice:
+    return -a[0], -a[1]
+
+
+run_doubled = interpreter(
+    Arithmetic(_get, _put, _number, add, subtract, multiply, divide, _negate, power, call),
+    __name__,
+    "run_doubled",
+)

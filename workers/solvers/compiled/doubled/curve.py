@@ -14,11 +14,11 @@ from workers.solvers.compiled.doubled.arithmetic import (
     logarithm,
     multiply,
     root,
+    run_doubled,
     scale,
     sine_and_cosine,
     subtract,
 )
-from workers.solvers.compiled.doubled.derivative import SLOPE, SLOPE_LOW, derivative_doubled
 from workers.solvers.compiled.evaluation.interpreter import derivative_with_bound
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop
@@ -89,12 +89,15 @@ def quotients_doubled(
         pairs[G1, m], pairs[G1 + 1, m] = one
         pairs[G1 + 2, m], pairs[G1 + 3, m] = second
         pairs[G1 + 4, m], pairs[G1 + 5, m] = other
-    row = derivative_doubled(formula, pairs[G1:], count)
-    slope, low = formula.registers[SLOPE], formula.registers[SLOPE_LOW]
+    registers, D = formula.registers, formula.turn.results[0]
+    for k in range(3):
+        for m in range(count):
+            registers[0, k, m], registers[1, k, m] = pairs[G1 + 2 * k, m], pairs[G1 + 2 * k + 1, m]
+    run_doubled(formula.turn.code, formula.constants, formula.lows, registers, count)
     for m in range(count):
         one, other = (pairs[G1, m], pairs[G1 + 1, m]), (pairs[G1 + 4, m], pairs[G1 + 5, m])
         up, down = (one, other) if loop.mirrored else (other, one)
-        value = multiply(curve.factor, multiply(up, (slope[row, m], low[row, m])))
+        value = multiply(curve.factor, multiply(up, (registers[0, D, m], registers[1, D, m])))
         sign = -1.0 if loop.mirrored else 1.0
         pairs[SLOPED, m], pairs[SLOPED + 1, m] = sign * value[0], sign * value[1]
         pairs[BELOW, m], pairs[BELOW + 1, m] = down

@@ -69,6 +69,7 @@ def map_time_doubled(
     known = Formula(
         formula.code,
         formula.result,
+        formula.turn,
         formula.constants,
         formula.lows,
         formula.registers,

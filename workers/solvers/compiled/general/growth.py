@@ -21,7 +21,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.general.lanes import (
+from workers.solvers.compiled.evaluation.interpreter import new_registers
+from workers.solvers.compiled.general.series import ORDER, STATE
+from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.lanes import (
     ROW,
     first_row,
     larger,
@@ -34,10 +37,8 @@ from workers.solvers.compiled.general.lanes import (
     spread,
     take,
 )
-from workers.solvers.compiled.general.rates import WIDTH, new_values, rates_at
-from workers.solvers.compiled.general.records import Gradient
-from workers.solvers.compiled.general.series import ORDER, STATE
-from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.records import Equations
+from workers.solvers.compiled.shown.states import WIDTH, evaluate
 
 FloatArray = NDArray[np.float64]
 
@@ -212,10 +213,11 @@ def _put_places(series: int, length: int, middle: float, half: float, at_nodes: 
 
 @kernel
 def _put_derivatives(
-    slopes: Gradient,
-    moments: FloatArray,
+    equations: Equations,
+    registers: FloatArray,
     states: FloatArray,
     rates: FloatArray,
+    integrals: FloatArray,
     at_nodes: int,
     apart: FloatArray,
     room: int,
@@ -228,7 +230,7 @@ def _put_derivatives(
                 x = number_at(at_nodes, j, a)
                 far = apart[b] if a == b else 0.0
                 states[a, column], states[a, column + 1] = x + far, x - far
-    rates_at(slopes.code, slopes.gradient, moments, states, rates, 2 * STATE * NODES)
+    evaluate(equations, registers, states, rates, integrals, 2 * STATE * NODES)
     for j in range(NODES):
         for b in range(STATE):
             column, by = 2 * (STATE * j + b), 0.5 / apart[b]
@@ -253,8 +255,8 @@ def _put_truncation(series: int, tail: float, out: int) -> None:
 
 @kernel
 def _put_deviations(
-    slopes: Gradient,
-    moments: FloatArray,
+    equations: Equations,
+    registers: FloatArray,
     states: FloatArray,
     state: int,
     noise: float,
@@ -266,23 +268,22 @@ def _put_deviations(
 
     These may cancel: a field along γ has none. To it comes a ``share`` of what series leave out.
     """
-    middle, first = STATE, 2 * STATE * (NODES // 2)
+    middle, first, results = STATE, 2 * STATE * (NODES // 2), equations.gradient.results
     for a in range(STATE):
         total = 0.0
         for b in range(STATE):
             total += abs(number_at(room, middle + a, b) * number_at(state, 1, b))
         if a < 3:
             i, j = (a + 1) % 3, (a + 2) % 3
-            one = states[3 + i, first] * states[slopes.gradient[j], first]
-            two = states[3 + j, first] * states[slopes.gradient[i], first]
-            total += (abs(one) + abs(two)) / moments[a]
+            one = states[3 + i, first] * registers[0, results[1 + j], first]
+            two = states[3 + j, first] * registers[0, results[1 + i], first]
+            total += (abs(one) + abs(two)) / equations.moments[a]
         put_number(room, _SIGMA, a, noise * total + share * number_at(truncation, 0, a))
 
 
 @kernel
 def grown(
-    slopes: Gradient,
-    moments: FloatArray,
+    equations: Equations,
     breaks: FloatArray,
     series: FloatArray,
     length: int,
@@ -300,7 +301,8 @@ def grown(
     owner = new_rows(_ROOM + NODES + 2)
     room = first_row(owner)
     at_nodes = room + ROW * _ROOM
-    states, rates = new_values(slopes.registers, slopes.constants), np.empty((STATE, WIDTH))
+    registers = new_registers(equations.gradient.code, 1, WIDTH)
+    states, rates, integrals = np.empty((STATE, WIDTH)), np.empty((STATE, WIDTH)), np.empty((3, WIDTH))
     apart, found = np.empty(STATE), np.zeros(len(breaks))
     rows = place_of(series)
     for a in range(STATE):
@@ -311,19 +313,19 @@ def grown(
         _put_distances(base, length, at_nodes, apart)
         _put_truncation(base, tail, at_nodes + ROW * NODES)
         _put_places(base, length, 0.0, 1.0, at_nodes)
-        _put_derivatives(slopes, moments, states, rates, at_nodes, apart, room)
+        _put_derivatives(equations, registers, states, rates, integrals, at_nodes, apart, room)
         parts, most = parts_of(_norm(room + ROW * STATE, room + ROW * _WORK), time), 0.0
         for part in range(parts):
             if parts > 1:
                 _put_places(base, length, (2.0 * part + 1.0) / parts - 1.0, 1.0 / parts, at_nodes)
-                _put_derivatives(slopes, moments, states, rates, at_nodes, apart, room)
+                _put_derivatives(equations, registers, states, rates, integrals, at_nodes, apart, room)
             # Roundings of the parts are independent, and have together that of the step. What series leave
             # out is of the order N + 1 in the time, so that comes at the end.
             rounding = noise * abs(time) / (math.sqrt(parts) * size)
             share = 1.0 / size if part == parts - 1 else 0.0
             _put_deviations(
-                slopes,
-                moments,
+                equations,
+                registers,
                 states,
                 at_nodes,
                 rounding,
@@ -335,6 +337,6 @@ def grown(
             if not here <= most:
                 most = here
         found[n + 1] = size * math.sqrt(most)
-    # Up to here the rooms have owners.
-    owner[0, 0], states[0, 0], rates[0, 0] = 0.0, 0.0, 0.0
+    # Up to here the room has an owner.
+    owner[0, 0] = 0.0
     return found

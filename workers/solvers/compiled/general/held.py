@@ -11,17 +11,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.defect.stretches import ELLIPSE_RHO
 from workers.solvers.compiled.blocks import two_sum
-from workers.solvers.compiled.general.integrals import integrals_at
-from workers.solvers.compiled.general.lanes import (
-    ROW,
-    first_row,
-    new_rows,
-    number_at,
-    place_of,
-    put,
-    put_number,
-    take,
-)
+from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.general.nodes import (
     HALVES,
     PLACES,
@@ -33,15 +23,23 @@ from workers.solvers.compiled.general.nodes import (
     put_whole_states,
     whole_disc,
 )
-from workers.solvers.compiled.general.rates import WIDTH, new_values, rates_at
-from workers.solvers.compiled.general.records import Formula, Gradient
 from workers.solvers.compiled.general.series import STATE
 from workers.solvers.compiled.kernels import kernel
-from workers.solvers.compiled.shown.states import largest_rates
+from workers.solvers.compiled.lanes import (
+    ROW,
+    first_row,
+    new_rows,
+    number_at,
+    place_of,
+    put,
+    put_number,
+    take,
+)
+from workers.solvers.compiled.records import Equations
+from workers.solvers.compiled.shown.states import WIDTH, evaluate, largest_rates
 from workers.solvers.compiled.shown.stretches import DEEPEST, HIGHEST_DEGREE, PARTS, are_explained, disc_of
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @kernel
@@ -58,9 +56,7 @@ def _level_for(bounds: FloatArray, share: float) -> int:
 
 @kernel
 def hold(
-    formula: Formula,
-    slopes: Gradient,
-    moments: FloatArray,
+    equations: Equations,
     breaks: FloatArray,
     coefficients: FloatArray,
     degrees: int,
@@ -78,14 +74,9 @@ def hold(
     what the integrals do about the ``reference``; their drift is that at the nodes. ``goal`` is what
     interpolation may leave out in all.
     """
-    code, constants, result = formula
-    registers = np.empty((3 + len(code), WIDTH))
-    c, r = np.empty((3 + len(code), 4)), np.empty((3 + len(code), 4))
-    states, rates, integrals = (
-        new_values(slopes.registers, slopes.constants),
-        np.empty((STATE, WIDTH)),
-        np.empty((3, WIDTH)),
-    )
+    code = equations.gradient.code
+    registers, discs = new_registers(code, 1, WIDTH), new_registers(code, 2, 1)
+    states, rates, integrals = np.empty((STATE, WIDTH)), np.empty((STATE, WIDTH)), np.empty((3, WIDTH))
     centres, radii, bounds = np.empty(STATE), np.empty(STATE), np.empty(STATE)
     T, waiting = np.empty((HIGHEST_DEGREE + 1, 2)), np.empty((PARTS * DEEPEST + 1, 2))
     gained, lost, first, missing = np.zeros(STATE), np.zeros(STATE), np.empty(STATE), np.zeros(STATE)
@@ -112,7 +103,7 @@ def hold(
                 whole_disc(series, degrees, few, centres, radii)
             else:
                 disc_of(coefficients[n, :degrees], middle, half, ELLIPSE_RHO, centres, radii, T)
-            largest_rates(code, constants, result, moments, c, r, centres, radii, bounds)
+            largest_rates(equations, discs, centres, radii, bounds)
             level = _level_for(bounds, share)
             if level < 0:
                 if half < 0.5 * PARTS ** (1.0 - DEEPEST):
@@ -133,11 +124,10 @@ def hold(
             for m in range(count):
                 for a in range(STATE):
                     states[a, m] = number_at(at_nodes, m, a)
-            rates_at(slopes.code, slopes.gradient, moments, states, rates, count)
+            evaluate(equations, registers, states, rates, integrals, count)
             if compares:
-                integrals_at(formula, moments, registers, states, integrals, count)
                 is_good, far = are_explained(
-                    code, constants, result, moments, c, r, states, integrals, count, claim, reference, slack
+                    equations, discs, states, integrals, count, claim, reference, slack
                 )
                 if not is_good:
                     return False, math.nan, math.nan

@@ -1,7 +1,8 @@
 """A piece of a run at the points of Chebyshev, and the series and integrals of what is found there.
 
-Rows have the six variables side by side (:mod:`.lanes`). Values at points that are symmetric about the middle
-of a stretch are taken together: their sum has the even part of a series, their difference the odd one.
+Rows have the six variables side by side (:mod:`compiled.lanes`). Values at points that are symmetric about
+the middle of a stretch are taken together: their sum has the even part of a series, their difference the odd
+one.
 """
 
 import numpy as np
@@ -9,7 +10,9 @@ from numpy.typing import NDArray
 
 from service.dynamics.defect.stretches import DEFAULT_INTERVALS, ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
-from workers.solvers.compiled.general.lanes import (
+from workers.solvers.compiled.general.series import STATE
+from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.lanes import (
     ROW,
     combine,
     number_at,
@@ -19,8 +22,6 @@ from workers.solvers.compiled.general.lanes import (
     spread,
     take,
 )
-from workers.solvers.compiled.general.series import STATE
-from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.shown.stretches import HIGHEST_DEGREE
 
 FloatArray = NDArray[np.float64]

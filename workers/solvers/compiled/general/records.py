@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from workers.solvers.compiled.records import Instructions
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -20,32 +22,23 @@ class Gradient(NamedTuple):
     registers: int
 
 
-class Formula(NamedTuple):
-    """V as :class:`workers.solvers.compiled.evaluation.program.Program` has it, and its constants."""
-
-    code: IntArray
-    constants: FloatArray
-    result: int
-
-
 class Models(NamedTuple):
     """Bodies and potentials of one structure: a formula, its gradient, and numbers of each model.
 
     The second constants and moments are those of a problem that rounded numbers might as well have meant.
     """
 
-    code: IntArray
-    result: int
-    """V, as :class:`Formula` has it."""
+    program: Instructions
+    """V and its gradient, see :class:`workers.solvers.compiled.evaluation.program.Program`."""
     slopes: IntArray
     gradient: IntArray
     registers: int
     """The gradient, as :class:`Gradient` has it."""
     constants: FloatArray
-    """Constants of V, shape (models, constants)."""
+    """Constants of the program, shape (models, constants)."""
     slope_constants: FloatArray
     other_slope_constants: FloatArray
-    """Constants of the gradient, shape (models, constants)."""
+    """Constants of the gradient's operations, shape (models, constants)."""
     moments: FloatArray
     other_moments: FloatArray
     """A, B, C, B − C, C − A, A − B, shape (models, 6)."""

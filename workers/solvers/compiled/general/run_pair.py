@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from workers.solvers.compiled.general.growth import grown
 from workers.solvers.compiled.general.held import hold
-from workers.solvers.compiled.general.lanes import LANES
-from workers.solvers.compiled.general.records import Asked, Formula, Gradient, Models
+from workers.solvers.compiled.general.records import Asked, Models
 from workers.solvers.compiled.general.sampling import compare, new_values_at, widen
 from workers.solvers.compiled.general.series import COUNT, STATE
 from workers.solvers.compiled.general.steps import ARRIVED, FAILED, SPACING, seen
 from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.lanes import LANES
+from workers.solvers.compiled.records import Equations
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -60,9 +61,7 @@ def _joined(
 
 @kernel
 def _holds(
-    formula: Formula,
-    slopes: Gradient,
-    moments: FloatArray,
+    equations: Equations,
     breaks: FloatArray,
     series: FloatArray,
     length: int,
@@ -80,9 +79,7 @@ def _holds(
     allowed = defects * largest
     goal = min(goal * abs(breaks[-1]), 0.1 * allowed * len(series))
     return hold(
-        formula,
-        slopes,
-        moments,
+        equations,
         breaks,
         series,
         length,
@@ -152,9 +149,7 @@ def _speed(series: FloatArray, time: float) -> float:
 
 @kernel
 def _collision(
-    formula: Formula,
-    slopes: Gradient,
-    moments: FloatArray,
+    equations: Equations,
     lanes: IntArray,
     statuses: IntArray,
     steps: IntArray,
@@ -184,9 +179,7 @@ def _collision(
         while verified < count and abs(breaks[verified]) < limit:
             verified += 1
         is_kept, _, _ = hold(
-            formula,
-            slopes,
-            moments,
+            equations,
             breaks[: verified + 1],
             own[:verified],
             length,
@@ -208,7 +201,7 @@ def _collision(
             rival = all_breaks[other, : steps[2 * run + side] + 1]
             gap = max(gap, abs(rival[len(rival) - 1] + _time_left(rival) - time))
         deviations = grown(
-            slopes, moments, breaks[: verified + 1], own, length, apart, asked.noise, asked.tail, largest
+            equations, breaks[: verified + 1], own, length, apart, asked.noise, asked.tail, largest
         )
         late = (
             asked.safety
@@ -244,9 +237,7 @@ def settle(
     """
     width = lanes_of(asked)
     lanes, steps = np.empty(2 * RUNS, dtype=np.int64), np.zeros(2 * RUNS, dtype=np.int64)
-    formula = Formula(models.code, models.constants[model], models.result)
-    slopes = Gradient(models.slopes, models.slope_constants[model], models.gradient, models.registers)
-    moments = models.moments[model]
+    equations = Equations(models.program, models.constants[model], models.moments[model])
     has_arrived = True
     for run in range(2 * RUNS):
         # Where one side is empty its runs have no steps, and are said to be in the lanes of the other.
@@ -256,9 +247,7 @@ def settle(
         has_arrived = has_arrived and statuses[lanes[run]] == ARRIVED
     if not has_arrived:
         status = _collision(
-            formula,
-            slopes,
-            moments,
+            equations,
             lanes,
             statuses,
             steps,
@@ -299,9 +288,7 @@ def settle(
         )
         widen(values, new_values_at(other_breaks, other_series, own_length, check, none), gaps)
     error, difference, energy, stray, reference = compare(
-        formula,
-        slopes,
-        moments,
+        equations,
         start[0],
         values,
         gaps,
@@ -315,8 +302,7 @@ def settle(
             if steps[run] > 0:
                 own = all_breaks[lanes[run], : steps[run] + 1]
                 deviations = grown(
-                    slopes,
-                    moments,
+                    equations,
                     own,
                     pieces[lanes[run]],
                     length,
@@ -339,9 +325,7 @@ def settle(
             break
         is_fine = run < 2
         is_good, by_defect, by_drift = _holds(
-            formula,
-            slopes,
-            moments,
+            equations,
             all_breaks[lanes[run], : steps[run] + 1],
             pieces[lanes[run], : steps[run]],
             length if is_fine else other_length,

@@ -9,8 +9,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.general.integrals import integrals_at
-from workers.solvers.compiled.general.lanes import (
+from workers.solvers.compiled.evaluation.interpreter import new_registers
+from workers.solvers.compiled.general.series import STATE
+from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.lanes import (
     LANES,
     first_row,
     larger,
@@ -23,10 +25,8 @@ from workers.solvers.compiled.general.lanes import (
     spread,
     take,
 )
-from workers.solvers.compiled.general.rates import WIDTH, new_values, rates_at
-from workers.solvers.compiled.general.records import Formula, Gradient
-from workers.solvers.compiled.general.series import STATE
-from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.records import Equations
+from workers.solvers.compiled.shown.states import WIDTH, evaluate
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -126,9 +126,7 @@ def widen(values: FloatArray, others: FloatArray, gaps: FloatArray) -> None:
 
 @kernel
 def compare(
-    formula: Formula,
-    slopes: Gradient,
-    moments: FloatArray,
+    equations: Equations,
     start: FloatArray,
     values: FloatArray,
     gaps: FloatArray,
@@ -143,12 +141,12 @@ def compare(
     change by while the time is multiplied by 1 + rounding. NaN where one of the numbers is not finite.
     ``start`` is the row at t = 0; the others have the shape (at least n, LANES).
     """
-    registers = np.empty((3 + len(formula.code), WIDTH))
+    registers = new_registers(equations.gradient.code, 1, WIDTH)
     rates, integrals = np.empty((STATE, WIDTH)), np.empty((3, WIDTH))
-    states, others = new_values(slopes.registers, slopes.constants), np.empty((STATE, WIDTH))
+    states, others = np.empty((STATE, WIDTH)), np.empty((STATE, WIDTH))
     for a in range(STATE):
         states[a, 0] = start[a]
-    integrals_at(formula, moments, registers, states, integrals, 1)
+    evaluate(equations, registers, states, rates, integrals, 1)
     reference = integrals[:, 0].copy()
     room = new_rows(5)
     found = first_row(room)
@@ -161,8 +159,7 @@ def compare(
             n = begin + min(m, count - 1)
             for a in range(STATE):
                 states[a, m], others[a, m] = values[n, a], gaps[n, a]
-        rates_at(slopes.code, slopes.gradient, moments, states, rates, blocks * LANES)
-        integrals_at(formula, moments, registers, states, integrals, blocks * LANES)
+        evaluate(equations, registers, states, rates, integrals, blocks * LANES)
         for block in range(blocks):
             for lane in range(LANES):
                 put_number(found, 0, lane, abs(times[begin + min(block * LANES + lane, count - 1)]))

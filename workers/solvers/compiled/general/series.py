@@ -3,7 +3,7 @@ r"""Taylor coefficients of the six variables along motions, order by order, by c
 A potential's gradient is a list of operations on registers. Register n has a power series in the time,
 :math:`u_n(t) = \sum_k u_{n,k} t^k`; the coefficients of order k of all registers follow from those of lower
 orders and from the state's of order k (Moore 1966; Jorba & Zou 2005), and from these the equations give the
-state's of order k + 1. Every lane is a motion of its own (:mod:`.lanes`).
+state's of order k + 1. Every lane is a motion of its own (:mod:`compiled.lanes`).
 """
 
 import math
@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.general.lanes import LANES, number_at, put, put_number, spread, take
 from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.lanes import LANES, number_at, put, put_number, spread, take
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -5,7 +5,8 @@ The radius of convergence ρ is read off the last two coefficients. A step is
 .. math:: h = 0.98\, \rho\, \varepsilon^{1/(N+1)} ,
 
 so that what is left out, a geometric series in h/ρ, is about ε of the largest variable. The states are summed
-with what rounding has lost of them. Several motions go side by side, each by its own steps (:mod:`.lanes`).
+with what rounding has lost of them. Several motions go side by side, each by its own steps
+(:mod:`compiled.lanes`).
 """
 
 import math
@@ -13,7 +14,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.general.lanes import (
+from workers.solvers.compiled.general.series import COUNT, ORDER, STATE, gradient_order, take_series
+from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.lanes import (
     LANES,
     ROW,
     combine,
@@ -28,8 +31,6 @@ from workers.solvers.compiled.general.lanes import (
     spread,
     take,
 )
-from workers.solvers.compiled.general.series import COUNT, ORDER, STATE, gradient_order, take_series
-from workers.solvers.compiled.kernels import kernel
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -10,16 +10,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.integrals.known import (
-    UNKNOWN,
     Known,
     constant,
-    function,
     minus,
     nearest,
     over,
     plus,
-    power,
+    run_known,
     times,
 )
 from workers.solvers.compiled.kernels import kernel
@@ -27,63 +26,21 @@ from workers.solvers.compiled.kernels import kernel
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_HIGH, _LOW, _ERROR = range(3)
-
-
-@kernel
-def _put(registers: FloatArray, n: int, m: int, x: Known) -> None:
-    registers[_HIGH, n, m], registers[_LOW, n, m], registers[_ERROR, n, m] = x
-
-
-@kernel
-def _get(registers: FloatArray, n: int, m: int) -> Known:
-    return registers[_HIGH, n, m], registers[_LOW, n, m], registers[_ERROR, n, m]
-
 
 @kernel
 def _evaluate(
     code: IntArray, constants: FloatArray, lows: FloatArray, samples: FloatArray, registers: FloatArray
 ) -> None:
-    """Fill in the registers of a formula, shape (3, registers, samples), at samples (n, 6)."""
-    count = len(samples)
+    """Fill in the registers of a formula, of three parts, at samples (n, 6)."""
     for k in range(3):
-        for m in range(count):
-            _put(registers, k, m, (samples[m, 3 + k], 0.0, 0.0))
-    for k in range(len(code)):
-        operation, i, j, slot, n = code[k, 0], code[k, 1], code[k, 2], code[k, 3], 3 + k
-        if operation == 0:
-            value = constant(constants[slot], lows[slot])
-            for m in range(count):
-                _put(registers, n, m, value)
-        elif operation == 1:
-            for m in range(count):
-                _put(registers, n, m, plus(_get(registers, i, m), _get(registers, j, m)))
-        elif operation == 2:
-            for m in range(count):
-                _put(registers, n, m, minus(_get(registers, i, m), _get(registers, j, m)))
-        elif operation == 3:
-            for m in range(count):
-                _put(registers, n, m, times(_get(registers, i, m), _get(registers, j, m)))
-        elif operation == 4:
-            for m in range(count):
-                _put(registers, n, m, over(_get(registers, i, m), _get(registers, j, m)))
-        elif operation == 5:
-            for m in range(count):
-                x = _get(registers, i, m)
-                _put(registers, n, m, (-x[0], -x[1], x[2]))
-        elif operation == 6:
-            exponent = constant(constants[slot], lows[slot])
-            for m in range(count):
-                _put(registers, n, m, power(_get(registers, i, m), exponent))
-        elif operation == 7:
-            for m in range(count):
-                # As balls have it: for a base that is certainly positive.
-                x = _get(registers, i, m)
-                is_positive = x[0] - x[2] > 0.0
-                _put(registers, n, m, power(x, _get(registers, j, m)) if is_positive else UNKNOWN)
-        else:
-            for m in range(count):
-                _put(registers, n, m, function(operation, _get(registers, i, m)))
+        for m in range(len(samples)):
+            registers[0, k, m], registers[1, k, m], registers[2, k, m] = samples[m, 3 + k], 0.0, 0.0
+    run_known(code, constants, lows, registers, len(samples))
+
+
+@kernel
+def _value(registers: FloatArray, n: int, m: int) -> float:
+    return nearest((registers[0, n, m], registers[1, n, m], registers[2, n, m]))
 
 
 @kernel
@@ -91,10 +48,10 @@ def potential_energies(
     code: IntArray, result: int, constants: FloatArray, lows: FloatArray, samples: FloatArray, out: FloatArray
 ) -> None:
     """Fill in V at samples (n, 6), NaN where it is not known."""
-    registers = np.empty((3, len(code) + 3, len(samples)))
+    registers = new_registers(code, 3, len(samples))
     _evaluate(code, constants, lows, samples, registers)
     for m in range(len(samples)):
-        out[m] = nearest(_get(registers, result, m))
+        out[m] = _value(registers, result, m)
 
 
 @kernel
@@ -116,14 +73,14 @@ def energy_drifts(
     """
     A, B, C = moments
     count = samples.shape[1]
-    registers = np.empty((3, len(code) + 3, count))
+    registers = new_registers(code, 3, count)
     for n in wanted:
         here = samples[n]
         _evaluate(code, constants[n], lows[n], here, registers)
         energy, geometric, areas = 0.0, 0.0, 0.0
         for m in range(count):
             p, q, r, g1, g2, g3 = here[m]
-            V = nearest(_get(registers, result, m))
+            V = _value(registers, result, m)
             total = ((A * (p * p) + B * (q * q)) + C * (r * r)) / 2.0 + V
             departure = abs(total - energies[n])
             # NaN passes no comparison: what is not known stays so.

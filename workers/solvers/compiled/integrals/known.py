@@ -8,6 +8,9 @@ is reduced. Bounds are rounded to nearest: whoever uses one doubles it.
 import math
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from workers.solvers.compiled.doubled.arithmetic import (
     add,
     divide,
@@ -17,8 +20,11 @@ from workers.solvers.compiled.doubled.arithmetic import (
     root,
     sine_and_cosine,
 )
+from workers.solvers.compiled.evaluation.interpreter import Arithmetic, interpreter
+from workers.solvers.compiled.evaluation.program import ABS, COS, EXP, LOG, SIGN, SIN
 from workers.solvers.compiled.kernels import kernel
 
+FloatArray = NDArray[np.float64]
 Known = tuple[float, float, float]
 """A double, the rest, and how far the number may be from their sum: inf or NaN where it is not known."""
 
@@ -100,53 +106,65 @@ def logarithm_of(x: Known) -> Known:
 
 
 @kernel
-def whole_power(x: Known, exponent: int) -> Known:
-    """Return x^exponent by multiplications."""
-    result, factor, left, is_begun = (1.0, 0.0, 0.0), x, abs(exponent), False
-    while left:
-        if left & 1:
-            result = times(result, factor) if is_begun else factor
-            is_begun = True
-        left >>= 1
-        if left:
-            factor = times(factor, factor)
-    return over((1.0, 0.0, 0.0), result) if exponent < 0 else result
-
-
-@kernel
 def power(x: Known, exponent: Known) -> Known:
-    """Return x^exponent; with a fraction for what is certainly positive."""
-    size = abs(exponent[0])
-    if exponent[2] == 0.0 and exponent[1] == 0.0:
-        if size <= 64.0 and size == math.floor(size):
-            return whole_power(x, int(exponent[0]))
-        if size == 0.5:
-            found = square_root(x)
-            return over((1.0, 0.0, 0.0), found) if exponent[0] < 0.0 else found
+    """Return x^exponent, no whole one, of what is certainly positive."""
+    if exponent[2] == 0.0 and exponent[1] == 0.0 and abs(exponent[0]) == 0.5:
+        found = square_root(x)
+        return over((1.0, 0.0, 0.0), found) if exponent[0] < 0.0 else found
     return exponential_of(times(exponent, logarithm_of(x)))
 
 
 @kernel
 def function(operation: int, x: Known) -> Known:
     """Return a function of x, numbered as in :mod:`.program`."""
-    if operation == 8:
+    if operation == EXP:
         return exponential_of(x)
-    if operation == 9:
+    if operation == LOG:
         return logarithm_of(x)
-    if operation <= 12:
-        if not abs(x[0]) <= _LARGEST_ANGLE:
+    if operation in (ABS, SIGN):
+        if not abs(x[0]) > x[2]:
             return UNKNOWN
-        s, c = sine_and_cosine((x[0], x[1]))
-        error = x[2] + FUNCTION * (1.0 + abs(x[0]))
-        if operation == 10:
-            return s[0], s[1], error
-        if operation == 11:
-            return c[0], c[1], error
-        return over((s[0], s[1], error), (c[0], c[1], error))
-    if not abs(x[0]) > x[2]:
+        sign = 1.0 if x[0] > 0.0 else -1.0
+        return (sign * x[0], sign * x[1], x[2]) if operation == ABS else (sign, 0.0, 0.0)
+    if not abs(x[0]) <= _LARGEST_ANGLE:
         return UNKNOWN
-    sign = 1.0 if x[0] > 0.0 else -1.0
-    return (sign * x[0], sign * x[1], x[2]) if operation == 13 else (sign, 0.0, 0.0)
+    s, c = sine_and_cosine((x[0], x[1]))
+    error = x[2] + FUNCTION * (1.0 + abs(x[0]))
+    if operation == SIN:
+        return s[0], s[1], error
+    if operation == COS:
+        return c[0], c[1], error
+    return over((s[0], s[1], error), (c[0], c[1], error))
+
+
+@kernel
+def _get(registers: FloatArray, n: int, m: int) -> Known:
+    return registers[0, n, m], registers[1, n, m], registers[2, n, m]
+
+
+@kernel
+def _put(registers: FloatArray, n: int, m: int, x: Known) -> None:
+    registers[0, n, m], registers[1, n, m], registers[2, n, m] = x
+
+
+@kernel
+def _number(constants: FloatArray, lows: FloatArray, slot: int, more: int) -> Known:
+    if slot < 0:
+        return float(more), 0.0, 0.0
+    known = constant(constants[slot], lows[slot])
+    return known if more == 0 else plus(known, (float(more), 0.0, 0.0))
+
+
+@kernel
+def _opposite(x: Known) -> Known:
+    return -x[0], -x[1], x[2]
+
+
+run_known = interpreter(
+    Arithmetic(_get, _put, _number, plus, minus, times, over, _opposite, power, function),
+    __name__,
+    "run_known",
+)
 
 
 @kernel

@@ -16,7 +16,8 @@ from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.solution.dense_output import DenseOutput
-from workers.solvers.compiled.evaluation.program import Program, make_program
+from workers.solvers.compiled.evaluation.program import make_program
+from workers.solvers.compiled.records import Equations
 from workers.solvers.compiled.shown.stretches import (
     HIGHEST_DEGREE,
     defect_and_drift,
@@ -31,17 +32,13 @@ def kept_claim(
 ) -> ResidualEvidence | None:
     """Return what a planar ``dense`` shows if that is within ``claim``; None if it is not settled."""
     degree = dense.coefficients.shape[1] - 1
-    found = _program(potential)
-    if found is None or not 0 < degree <= HIGHEST_DEGREE or dense.breaks[0] != 0.0:
+    equations = _equations(body, potential)
+    if equations is None or not 0 < degree <= HIGHEST_DEGREE or dense.breaks[0] != 0.0:
         return None
-    program, constants = found
     coefficients = np.ascontiguousarray(dense.coefficients)
     goal = max(TRUNCATION_SHARE * claim, MIN_TRUNCATION * float(np.abs(coefficients).max(initial=1.0)))
     defect, drift = defect_and_drift(
-        program.code,
-        constants,
-        program.result,
-        _moments_of(body),
+        equations,
         coefficients,
         dense.breaks[1:] - dense.breaks[:-1],
         claim,
@@ -56,15 +53,11 @@ def samples_keep_claim(
     body: RigidBody, potential: Potential, samples: FloatArray, claim: float, energy: Estimate
 ) -> bool:
     """Say whether the integrals of planar ``samples``, shape (n, 6), are explained by an error ``claim``."""
-    found = _program(potential)
-    if found is None:
+    equations = _equations(body, potential)
+    if equations is None:
         return False
-    program, constants = found
     return samples_are_explained(
-        program.code,
-        constants,
-        program.result,
-        _moments_of(body),
+        equations,
         np.ascontiguousarray(samples),
         claim,
         _reference(energy),
@@ -72,11 +65,12 @@ def samples_keep_claim(
     )
 
 
-def _program(potential: Potential) -> tuple[Program, FloatArray] | None:
+def _equations(body: RigidBody, potential: Potential) -> Equations | None:
     try:
-        return make_program(potential.tape)
+        program, constants = make_program(potential.tape)
     except NoClosedFormError:
         return None
+    return Equations(program.gradient, constants, _moments_of(body))
 
 
 def _moments(body: RigidBody) -> FloatArray:

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from service.dynamics.defect.stretches import DEFAULT_INTERVALS, ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.compiled.blocks import two_sum
+from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import kernel
-from workers.solvers.compiled.shown.gradients import WIDTH
-from workers.solvers.compiled.shown.states import evaluate, integrals_on, largest_rates
+from workers.solvers.compiled.records import Equations
+from workers.solvers.compiled.shown.states import WIDTH, evaluate, integrals_on, largest_rates
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 HIGHEST_DEGREE = 24
 """Highest degree of pieces; those of higher degree need more points than there are here."""
@@ -144,12 +144,8 @@ def _integrate(series: FloatArray, integral: FloatArray) -> None:
 
 @kernel
 def are_explained(
-    code: IntArray,
-    constants: FloatArray,
-    result: int,
-    moments: FloatArray,
-    c: FloatArray,
-    r: FloatArray,
+    equations: Equations,
+    discs: FloatArray,
     states: FloatArray,
     integrals: FloatArray,
     count: int,
@@ -167,8 +163,8 @@ def are_explained(
         energy, areas, length = slack, 0.0, 0.0
         for a in range(3):
             omega, gamma = abs(states[a, m]), abs(states[3 + a, m])
-            energy += claim * omega * moments[a]
-            areas += claim * (omega + gamma) * moments[a]
+            energy += claim * omega * equations.moments[a]
+            areas += claim * (omega + gamma) * equations.moments[a]
             length += claim * 2.0 * gamma
         far, astray, long = (
             abs(integrals[0, m] - reference[0]),
@@ -182,7 +178,7 @@ def are_explained(
             continue
         for a in range(6):
             centres[a], radii[a] = states[a, m], claim + OWN_ROUNDING * abs(states[a, m])
-        integrals_on(code, constants, result, moments, c, r, centres, radii, found)
+        integrals_on(equations, discs, centres, radii, found)
         for k in range(3):
             if not abs(found[0, k] - reference[k]) <= found[1, k] + (slack if k == 0 else 0.0):
                 return False, drift
@@ -191,28 +187,23 @@ def are_explained(
 
 @kernel
 def samples_are_explained(
-    code: IntArray,
-    constants: FloatArray,
-    result: int,
-    moments: FloatArray,
+    equations: Equations,
     samples: FloatArray,
     claim: float,
     reference: FloatArray,
     slack: float,
 ) -> bool:
     """Say whether an error ``claim`` explains the integrals of all samples, shape (n, 6)."""
-    registers = np.empty((4, 3 + len(code), WIDTH))
-    c, r = np.empty((3 + len(code), 4)), np.empty((3 + len(code), 4))
+    code = equations.gradient.code
+    registers, discs = new_registers(code, 1, WIDTH), new_registers(code, 2, 1)
     states, rates, integrals = np.empty((6, WIDTH)), np.empty((6, WIDTH)), np.empty((3, WIDTH))
     for begin in range(0, len(samples), WIDTH):
         count = min(WIDTH, len(samples) - begin)
         for m in range(count):
             for a in range(6):
                 states[a, m] = samples[begin + m, a]
-        evaluate(code, constants, result, moments, registers, states, rates, integrals, count)
-        is_good, _ = are_explained(
-            code, constants, result, moments, c, r, states, integrals, count, claim, reference, slack
-        )
+        evaluate(equations, registers, states, rates, integrals, count)
+        is_good, _ = are_explained(equations, discs, states, integrals, count, claim, reference, slack)
         if not is_good:
             return False
     return True
@@ -220,10 +211,7 @@ def samples_are_explained(
 
 @kernel
 def defect_and_drift(
-    code: IntArray,
-    constants: FloatArray,
-    result: int,
-    moments: FloatArray,
+    equations: Equations,
     coefficients: FloatArray,
     lengths: FloatArray,
     claim: float,
@@ -235,8 +223,8 @@ def defect_and_drift(
 
     Both are NaN where a stretch is not settled, or an error ``claim`` does not explain what the integrals do.
     """
-    registers = np.empty((4, 3 + len(code), WIDTH))
-    c, r = np.empty((3 + len(code), 4)), np.empty((3 + len(code), 4))
+    code = equations.gradient.code
+    registers, discs = new_registers(code, 1, WIDTH), new_registers(code, 2, 1)
     states, rates, integrals = np.empty((6, WIDTH)), np.empty((6, WIDTH)), np.empty((3, WIDTH))
     centres, radii, bounds = np.empty(6), np.empty(6), np.empty(6)
     T, waiting = np.empty((HIGHEST_DEGREE + 1, 2)), np.empty((PARTS * DEEPEST + 1, 2))
@@ -259,7 +247,7 @@ def defect_and_drift(
             while not is_settled and is_bounded and level + 1 < len(RHOS):
                 level += 1
                 disc_of(coefficients[n], middle, half, RHOS[level], centres, radii, T)
-                largest_rates(code, constants, result, moments, c, r, centres, radii, bounds)
+                largest_rates(equations, discs, centres, radii, bounds)
                 is_settled = True
                 for a in range(6):
                     is_settled = is_settled and TAILS[level] * bounds[a] <= allowed
@@ -273,10 +261,8 @@ def defect_and_drift(
                 left += PARTS
                 continue
             _states_at_nodes(coefficients[n], middle, half, states)
-            evaluate(code, constants, result, moments, registers, states, rates, integrals, COUNT)
-            is_good, far = are_explained(
-                code, constants, result, moments, c, r, states, integrals, COUNT, claim, reference, slack
-            )
+            evaluate(equations, registers, states, rates, integrals, COUNT)
+            is_good, far = are_explained(equations, discs, states, integrals, COUNT, claim, reference, slack)
             if not is_good:
                 return math.nan, math.nan
             drift = max(drift, far)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import inlined, kernel
-from workers.solvers.compiled.records import Formula, Records
+from workers.solvers.compiled.records import Formula, Instructions, Records
 from workers.solvers.compiled.transverse.jets import WIDTH
 from workers.solvers.compiled.transverse.parts import (
     ALPHA,
@@ -39,6 +39,7 @@ from workers.solvers.compiled.transverse.parts import (
     error_of_rate,
     is_integrable,
 )
+from workers.solvers.compiled.workspace import POINTS
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -143,6 +144,7 @@ def _assemble(
 def turn(
     code: IntArray,
     result: int,
+    instructions: Instructions,
     constants: FloatArray,
     loops: Records,
     panels: Records,
@@ -159,7 +161,8 @@ def turn(
     loop, places = loops[0], workspaces[0].places
     # No discs are worked on here.
     blank, none = np.empty((0, 0)), np.empty(0)
-    formula = Formula(code, result, constants, none, new_registers(code), blank, none, none, none)
+    registers = new_registers(instructions.code, 2, POINTS)
+    formula = Formula(code, result, instructions, constants, none, registers, blank, none, none, none)
     jets = np.empty((8, code.shape[0] + 3, WIDTH))
     parts, errors = np.empty((4 * MOST, 2, 2)), np.empty(MOST)
     stages, waiting, ranges = np.empty((2 * MOST, ROWS, WIDTH)), np.empty((MOST, 2, 2)), np.empty((MOST, 2))
