@@ -18,18 +18,18 @@ LF = "\n"
 _SPECIAL = re.compile(r'[",\r\n]')
 
 
-def header_line(names: Iterable[str], line_end: str) -> str:
-    """Return the line of the columns' names."""
-    return ",".join(map(_cell, names)) + line_end
+def csv_blocks(
+    names: Iterable[str], blocks: Iterable[Iterable[NDArray[np.generic]]], line_end: str
+) -> Iterator[bytes]:
+    """Yield the line of the columns' names, and of each block a line for each of its rows, in UTF-8.
 
-
-def data_lines(columns: Iterable[NDArray[np.generic]], line_end: str) -> str:
-    """Return a line for each row of ``columns``, of shape (rows,) each; a NaN and a None are left empty.
-
-    A double is written as the shortest decimal that reads back to the same double.
+    The columns of a block have the shape (rows,); a NaN and a None are left empty. A double is written as the
+    shortest decimal that reads back to the same double.
     """
-    rows = zip(*(_cells(column) for column in columns), strict=True)
-    return "".join(",".join(row) + line_end for row in rows)
+    yield (",".join(map(_cell, names)) + line_end).encode()
+    for columns in blocks:
+        rows = zip(*(_cells(column) for column in columns), strict=True)
+        yield "".join(",".join(row) + line_end for row in rows).encode()
 
 
 def _cells(column: NDArray[np.generic]) -> Iterator[str]:

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.csv_text import CRLF, LF, data_lines, header_line
+from service.csv_text import CRLF, LF, csv_blocks
 
 
 @pytest.mark.parametrize("line_end", [CRLF, LF])
@@ -16,7 +16,8 @@ from service.csv_text import CRLF, LF, data_lines, header_line
 def test_another_reader_gets_the_same_numbers_back(line_end, rows):
     numbers = np.array([number for number, _ in rows], dtype=np.float64)
     counts = np.array([count for _, count in rows], dtype=np.int64)
-    text = header_line(["t", "index"], line_end) + data_lines([numbers, counts], line_end)
+    blocks = [[numbers[:1], counts[:1]], [numbers[1:], counts[1:]]]
+    text = b"".join(csv_blocks(["t", "index"], blocks, line_end)).decode()
     assert text.endswith(line_end)
     names, *found = csv.reader(io.StringIO(text, newline=""), lineterminator=line_end)
     assert names == ["t", "index"]
@@ -26,9 +27,10 @@ def test_another_reader_gets_the_same_numbers_back(line_end, rows):
 
 def test_a_missing_number_is_empty_and_a_word_stays_itself():
     words = np.array(["solved", "refused"], dtype=object)
-    assert data_lines([np.array([0.1, np.nan]), words], LF) == "0.1,solved\n,refused\n"
+    _, rows = csv_blocks(["t", "outcome"], [[np.array([0.1, np.nan]), words]], LF)
+    assert rows == b"0.1,solved\n,refused\n"
 
 
 def test_columns_of_different_lengths_are_refused():
     with pytest.raises(ValueError, match="shorter"):
-        data_lines([np.zeros(2), np.zeros(1)], LF)
+        list(csv_blocks(["t", "x"], [[np.zeros(2), np.zeros(1)]], LF))

@@ -42,7 +42,7 @@ def test_the_engine_of_several_machines_needs_postgres_and_has_a_former_name(mon
         ("sqlite:///polhode.db?mode=ro", r"\?mode=ro is no option"),
         ("sqlite:///polhode.db?timeout=long", r"\?timeout=long is no option"),
         ("sqlite:///polhode.db?timeout=1&cache=shared", "is no option"),
-        ("postgres://me:secret@host/name", "^database_url: Value error, postgres:// is no database"),
+        ("postgres://me:secret@host/name", "^database_url: postgres:// is no database"),
         ("postgresql://me:secret@host/name", "postgresql:// is no database"),
         ("mysql://me:secret@host/name", "mysql:// is no database"),
         ("polhode.db", "it is no database"),

@@ -67,11 +67,14 @@ def test_the_function_has_the_bits_and_the_errors_of_the_service(connected, serv
         assert here.error == told["error"]
 
 
-def test_times_that_were_not_computed_are_refused(connected):
+def test_times_that_were_not_computed_are_refused(connected, service):
     motion = connected.solve(INTEGRATED)
     assert motion.period is None
-    with pytest.raises(ph.WrongArgumentError, match="not known to be periodic"):
+    path = f"/v1/solutions/{motion.id}/trajectory?start=5.5&stop=6&samples=2"
+    told = service.call("GET", path).document["detail"]
+    with pytest.raises(ph.WrongArgumentError, match="not known to be periodic") as refused:
         motion.at(5.5)
+    assert str(refused.value) in told
 
 
 def test_what_is_evaluated_twice_has_the_same_limits_and_words(connected, base):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
-from service.csv_text import LF, data_lines, header_line
+from service.csv_text import LF, csv_blocks
 from service.dynamics.solution.ball_columns import is_part
 from service.jobs.kernels import FASTER, NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, SolveOutcome
@@ -60,7 +60,7 @@ def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
     columns = decode_arrays(outcome.samples)
     if csv is not None:
         with OutputFile(csv) as output:
-            output.write(to_csv(columns).encode())
+            output.write(b"".join(csv_blocks(columns, [columns.values()], LF)))
     if as_json:
         series = {name: values.tolist() for name, values in columns.items()}
         answer(json.dumps({**outcome.summary, "columns": series}, allow_nan=False) + "\n")
@@ -253,11 +253,6 @@ def describe(summary: Summary, columns: Mapping[str, FloatArray]) -> str:
         return "\n".join(describe_solution(summary))
     shown = {name: values for name, values in columns.items() if not is_part(name)}
     return "\n".join([*describe_solution(summary), "", *_table(shown)])
-
-
-def to_csv(columns: Mapping[str, FloatArray]) -> str:
-    """Return the samples as CSV, every double in the shortest form that reads back to it."""
-    return header_line(columns, LF) + data_lines(columns.values(), LF)
 
 
 def _table(columns: Mapping[str, FloatArray]) -> Iterator[str]:

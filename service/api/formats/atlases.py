@@ -7,7 +7,7 @@ from fastapi import Response
 from service.api.formats.columns import ColumnKind
 from service.api.formats.negotiation import preferred
 from service.api.replies.responses import json_response
-from service.csv_text import CRLF, data_lines, header_line
+from service.csv_text import CRLF, csv_blocks
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.atlas.showing import INTEGERS, NUMBERS, atlas_columns, picture_of
 from service.schemas.reading.documents import Document
@@ -41,8 +41,7 @@ def media_types() -> Document:
 
 def _csv(atlas: AtlasOut) -> Response:
     columns = atlas_columns(atlas)
-    text = header_line(columns, CRLF) + data_lines(columns.values(), CRLF)
-    return Response(text, media_type="text/csv")
+    return Response(b"".join(csv_blocks(columns, [columns.values()], CRLF)), media_type="text/csv")
 
 
 def _arrow(atlas: AtlasOut) -> Response:

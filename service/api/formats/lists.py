@@ -25,7 +25,7 @@ from service.api.formats.negotiation import (
 from service.api.queries.lists import MOST_ITEMS, Listing, link_to
 from service.api.queries.queries import FormatName, refuse_if_any
 from service.api.replies.responses import PiecedAnswer, json_content, json_response, refusals
-from service.csv_text import CRLF, data_lines, header_line
+from service.csv_text import CRLF, csv_blocks
 from service.schemas.query.conditions import Kind, ListQuery, Subject, Value
 from service.schemas.reading.documents import Fault, instant_text
 from service.schemas.replies.response_model import ResponseModel
@@ -184,9 +184,7 @@ def _column(kind: ColumnKind, values: Sequence[Value | None]) -> NDArray[np.gene
 def _csv(
     kinds: Mapping[str, ColumnKind], batches: Iterable[Mapping[str, NDArray[np.generic]]]
 ) -> Iterator[bytes]:
-    yield header_line(kinds, CRLF).encode()
-    for batch in batches:
-        yield data_lines([_text(batch[name]) for name in kinds], CRLF).encode()
+    return csv_blocks(kinds, ([_text(batch[name]) for name in kinds] for batch in batches), CRLF)
 
 
 def _text(column: NDArray[np.generic]) -> NDArray[np.generic]:

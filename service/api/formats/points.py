@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from service.api.formats.columns import ColumnKind, npz_file
 from service.api.formats.negotiation import ARROW, CSV, NDJSON, NPZ, PARQUET
 from service.api.queries.points import Wish
-from service.csv_text import CRLF, data_lines, header_line
+from service.csv_text import CRLF, csv_blocks
 from service.storage.sweeps.point_query import INDEX, OUTCOME
 from service.storage.sweeps.point_reader import PointBlock
 
@@ -35,9 +35,8 @@ def ndjson(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> It
 
 def csv(wish: Wish, blocks: Iterable[PointBlock], _: Mapping[str, str]) -> Iterator[bytes]:
     """Yield the header line and a line for each point; missing numbers are empty."""
-    yield header_line(wish.columns, CRLF).encode()
-    for block in _short(wish, blocks):
-        yield data_lines([_column(block, name) for name in wish.columns], CRLF).encode()
+    columns = ([_column(block, name) for name in wish.columns] for block in _short(wish, blocks))
+    return csv_blocks(wish.columns, columns, CRLF)
 
 
 def arrow(wish: Wish, blocks: Iterable[PointBlock], metadata: Mapping[str, str]) -> Iterator[bytes]:

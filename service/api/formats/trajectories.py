@@ -15,7 +15,7 @@ from service.api.formats.columns import metadata, units_of
 from service.api.formats.negotiation import ARROW, CSV, JSON, MEDIA_TYPES, NDJSON, NPZ, PARQUET
 from service.api.replies.errors import ApiError
 from service.api.replies.responses import PiecedAnswer
-from service.csv_text import CRLF, data_lines, header_line
+from service.csv_text import CRLF, csv_blocks
 from service.dynamics.solution.dense_output import DenseOutput
 from service.schemas.reading.documents import Document
 
@@ -106,9 +106,7 @@ def _ndjson(trajectory: Trajectory) -> Iterator[bytes]:
 
 
 def _csv(trajectory: Trajectory) -> Iterator[bytes]:
-    yield header_line(trajectory.columns, CRLF).encode()
-    for some in _row_blocks(trajectory):
-        yield data_lines(some, CRLF).encode()
+    return csv_blocks(trajectory.columns, _row_blocks(trajectory), CRLF)
 
 
 def _row_blocks(trajectory: Trajectory) -> Iterator[list[FloatArray]]:

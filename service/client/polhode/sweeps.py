@@ -8,7 +8,7 @@ from urllib.parse import urlencode
 
 import numpy as np
 
-from polhode import showing as drawing
+from polhode import drawing
 from polhode.documents.problems import Document, changed, nearest
 from polhode.documents.quantities import fields, items, whole
 from polhode.errors import WrongArgumentError
