@@ -20,6 +20,7 @@ from fractions import Fraction
 from functools import reduce
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.monomials import weighted_sum
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
 from service.dynamics.formula.algebras.power_sums import PowerSum as SumOfPowers
 from service.dynamics.formula.errors import FormulaError
@@ -49,7 +50,6 @@ from service.dynamics.potentials.terms.powers import (
     power_terms,
     scaled,
     total,
-    weighted_sum,
 )
 
 QUARTER = parse("pi/4")
