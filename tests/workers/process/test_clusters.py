@@ -163,7 +163,7 @@ def test_a_worker_that_retires_costs_nobody_an_attempt(own_cluster, connected, t
 
 
 def test_a_worker_of_another_version_is_left_out_and_says_why(own_cluster, connected):
-    pool = connected(own_cluster)
+    pool = connected(own_cluster, places=2)
     with Client(own_cluster.address, set_as_default=False) as client:
         client.log_event(TOPIC, {
             "worker": "tcp://elsewhere:1", "incarnation": "x", "threads": 8, "is_ready": True, "fault": None,
