@@ -80,7 +80,7 @@ def create_app(
         answers = IdempotencyStore(database)
         older_than_seconds = None if days is None else days * DAY_SECONDS
         retention = Retention(database, answers, older_than_seconds=older_than_seconds)
-        presence = ServicePresence(database, host=settings.host_name)
+        presence = ServicePresence(database, host=settings.host_name, is_only=settings.engine == "local")
         examinations = ExaminationStore(database)
         kept = CachedExaminations(examinations)
         sweeps = SweepStore(database)

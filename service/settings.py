@@ -21,6 +21,11 @@ from service.logs import LogFormat, LogLevel
 from service.schemas.reading.numbers import MAX_SAMPLES
 
 _PREFIX = "polhode_"
+_POSTGRES = re.compile(
+    r"postgresql\+psycopg://(?:[^:/?@]*(?::[^@]*)?@)?(?:\[[^]/?]+\]|[^]/:?[]*)(?::\d{1,5})?(?:/[^?]*)?(?:\?.*)?"
+)
+_SQLITE = re.compile(r"sqlite:///([^?]+)(?:\?timeout=\d+(?:\.\d+)?)?")
+_FILES = "sqlite:///polhode.db is a file of this folder, sqlite:////var/lib/polhode/polhode.db of any"
 _ORIGIN = re.compile(r"https?://(?:[a-z0-9.-]+|\[[0-9a-f:.]+\])(?::\d{1,5})?")
 """As browsers write it: in lower case, without a path."""
 
@@ -36,6 +41,10 @@ class Settings(BaseModel):
     database_url: str = "sqlite:///polhode.db"
     engine: Literal["local", "postgres"] = "local"
     """How workers learn of jobs: `local` is for one machine, `postgres` announces jobs to several."""
+    pool: Literal["local", "dask"] = "local"
+    """Where workers compute: in children of their own, or on a Dask cluster."""
+    dask_scheduler: str | None = Field(default=None, min_length=1)
+    """Address of the cluster's scheduler, such as tcp://host:8786, or the path of its file."""
     host_name: str | None = Field(default=None, min_length=1, max_length=255)
     """Name of this machine in the database; by default its host name and boot id."""
     host: str = "127.0.0.1"
@@ -48,8 +57,11 @@ class Settings(BaseModel):
     """Seconds that a claim holds without a heartbeat; a lost worker's job waits that long."""
     job_seconds: float = Field(default=300.0, gt=0)
     """Time limit of one job."""
-    job_memory_mb: int = Field(default=2048, gt=0)
-    """Memory one job may take beyond what its idle child process has, in MiB."""
+    job_memory_mb: int = Field(default=2048, ge=200)
+    """Memory one job may take beyond what its idle child process has, in MiB.
+
+    The libraries that a first job may have to load take 110 MiB of it; with less it would never be computed.
+    """
     max_attempts: int = Field(default=3, ge=1)
     """A job that has lost so many workers fails."""
     retry_seconds: float = Field(default=1.0, ge=0)
@@ -111,6 +123,32 @@ class Settings(BaseModel):
         chosen = {name.removeprefix(_PREFIX): text for name, text in environment if name.startswith(_PREFIX)}
         return {**chosen, **options}
 
+    @field_validator("database_url")
+    @classmethod
+    def _require_a_database(cls, url: str) -> str:
+        """Refuse what fails later, or is another database in each process; repeat no password."""
+        scheme, separator, _ = url.partition("://")
+        if scheme == "postgresql+psycopg" and not _POSTGRES.fullmatch(url):
+            raise ValueError(
+                "its host or port cannot be read; accepted is postgresql+psycopg://USER@HOST:PORT/NAME, with "
+                "%40 for an @ in a password"
+            )
+        if scheme == "sqlite":
+            _require_a_file(url)
+        elif scheme != "postgresql+psycopg":
+            is_address = separator and scheme.replace("+", "").isalnum()
+            raise ValueError(
+                f"{f'{scheme}://' if is_address else 'it'} is no database that is known here; accepted are "
+                f"postgresql+psycopg://USER@HOST/NAME, and of SQLite {_FILES}"
+            )
+        return url
+
+    @field_validator("host")
+    @classmethod
+    def _without_brackets(cls, host: str) -> str:
+        """Return the host; ``[::1]`` is how URLs write ``::1``."""
+        return host[1:-1] if host.startswith("[") and host.endswith("]") else host
+
     @field_validator("engine", mode="before")
     @classmethod
     def _by_its_present_name(cls, engine: object) -> object:
@@ -120,13 +158,23 @@ class Settings(BaseModel):
     @field_validator("engine")
     @classmethod
     def _require_its_database(cls, engine: str, info: ValidationInfo) -> str:
-        url = str(info.data.get("database_url", ""))
-        if engine == "postgres" and not url.startswith("postgresql"):
+        # It is not there if it was refused itself.
+        if engine == "postgres" and str(info.data.get("database_url", "postgresql")).startswith("sqlite"):
             raise ValueError(
                 "the engine postgres needs Postgres, and POLHODE_DATABASE_URL is another database; accepted "
                 "are a URL that begins with postgresql+psycopg://, or the engine local"
             )
         return engine
+
+    @field_validator("dask_scheduler")
+    @classmethod
+    def _require_a_scheduler(cls, scheduler: str | None, info: ValidationInfo) -> str | None:
+        if info.data.get("pool") == "dask" and scheduler is None:
+            raise ValueError(
+                "the pool dask needs its scheduler: POLHODE_DASK_SCHEDULER, an address such as "
+                "tcp://host:8786 or the path of a scheduler file; or the pool local"
+            )
+        return scheduler
 
     @field_validator("cors_origins")
     @classmethod
@@ -140,6 +188,20 @@ class Settings(BaseModel):
     def is_loopback(self) -> bool:
         """Only this machine can reach the service."""
         return is_this_machine(self.host)
+
+
+def _require_a_file(url: str) -> None:
+    name, has_options, options = url.removeprefix("sqlite:///").partition("?")
+    is_name = url.startswith("sqlite:///") and name not in ("", ":memory:") and not name.startswith("file:")
+    if not is_name:
+        raise ValueError(
+            f"it names no file, and in memory each process would have another one; accepted: {_FILES}"
+        )
+    if has_options and not _SQLITE.fullmatch(url):
+        raise ValueError(
+            f"?{options} is no option of a file of SQLite; accepted is ?timeout=SECONDS, the wait for other "
+            "writers, and no file whose name has a question mark"
+        )
 
 
 @cache
@@ -165,7 +227,8 @@ def read_settings(**options: object) -> Settings:
         return Settings.model_validate({**Settings().model_dump(), **chosen})
     except ValidationError as fault:
         reasons = (
-            f"{'_'.join(map(str, error['loc']))}: {error['msg']}" for error in fault.errors(include_url=False)
+            f"{'_'.join(map(str, error['loc']))}: {error['msg'].removeprefix('Value error, ')}"
+            for error in fault.errors(include_url=False)
         )
         raise SettingsError("; ".join(reasons)) from fault
 

@@ -64,8 +64,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers() -> int | None:
-    """Return one more than there are processors: tests also wait, for their processes or for time to pass."""
-    return len(os.sched_getaffinity(0)) + 1 if sys.platform == "linux" else None
+    """Return two more than there are processors: tests also wait, for their processes or for time to pass."""
+    return len(os.sched_getaffinity(0)) + 2 if sys.platform == "linux" else None
 
 
 @pytest.hookimpl(tryfirst=True)  # before markers choose

@@ -246,8 +246,8 @@ def test_what_machines_ask_all_the_time_is_not_logged(request_lines):
 
 
 def test_the_url_of_the_database_goes_to_workers_by_the_environment_with_how_to_log():
-    told = worker_environment(Settings(database_url="sqlite://", log_format="json", log_level="debug"))
+    told = worker_environment(Settings(database_url="sqlite:///x.db", log_format="json", log_level="debug"))
     names = ("POLHODE_DATABASE_URL", "POLHODE_LOG_FORMAT", "POLHODE_LOG_LEVEL")
-    assert [told[name] for name in names] == ["sqlite://", "json", "debug"]
+    assert [told[name] for name in names] == ["sqlite:///x.db", "json", "debug"]
     unset = worker_environment(Settings(log_format=None, log_level=None))
     assert unset.get("POLHODE_LOG_LEVEL") == os.environ.get("POLHODE_LOG_LEVEL")

@@ -12,6 +12,7 @@ from polhode.clients import Operations
 from polhode.evaluation import FunctionOfTime
 from polhode.jobs import Job
 from polhode.listings import Listing
+from polhode.lists import JobList
 from polhode.motions import Motion
 from polhode.sweeps import Point, Sweep
 from polhode.transport.steps import operation
@@ -26,6 +27,7 @@ CLASSES = {
     "FunctionOfTime": FunctionOfTime,
     "Judgement": Judgement,
     "Job": Job,
+    "JobList": JobList,
     "Sweep": Sweep,
     "Point": Point,
     "Atlas": Atlas,
@@ -70,7 +72,7 @@ def _entry(name: str, member: object) -> Iterator[str]:
     if isinstance(member, property):
         yield from (f"### {name}", "")
     else:
-        function = member.function if isinstance(member, operation) else member
+        function = member.call if isinstance(member, operation) else member
         assert callable(function)
         yield from (f"### {name}()", "", "```python", f"{name}({', '.join(_arguments(function))})", "```", "")
     yield from _text(member.__doc__ or "")

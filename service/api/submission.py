@@ -1,10 +1,13 @@
-"""Reads, checks and examines problems before they are queued, one or many at once."""
+"""Reads, checks and examines problems before they are queued, one or many at once; estimates costs."""
 
 import asyncio
 import json
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 from http import HTTPStatus
 from typing import Any
 
@@ -19,6 +22,7 @@ from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import AccuracyTable
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import PlanarMotion
+from service.jobs.kernels import most_missing
 from service.jobs.keys import ApiKey
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.budgets import window_of
@@ -27,8 +31,21 @@ from service.schemas.problem.problem import check_problem
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.reading.annotation import split_annotation
 from service.schemas.reading.documents import Fault, InvalidProblemError, first_of
+from service.schemas.replies.analysis import CostEstimateOut, RefusedItemOut, SlowPart
+from service.schemas.replies.job import JobItemOut
+from service.schemas.sweep.estimates import (
+    UNEXAMINED,
+    CostEstimate,
+    ExaminedPoint,
+    estimate_of_jobs,
+    estimate_of_sweep,
+    sampled_points,
+)
+from service.schemas.sweep.sweep import Sweep
 from service.settings import Settings
+from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.solutions.accuracy_store import AccuracyStore
+from service.storage.solutions.shipped_accuracy import shipped_table
 from service.verdicts.cache_rows import keys_of
 
 MOST_PROBLEMS = 1000
@@ -39,6 +56,11 @@ _TOGETHER = 50
 """Problems of one potential that are examined by one call."""
 _FAULTS_LISTED = 1000
 """Faults listed for a whole list; later problems get one fault each."""
+
+ESTIMATE_WORK = (
+    "Nothing is stored: the answer tells what it would cost, `{points, tier, seconds, bytes, slow, ready_in,"
+    " refused}`."
+)
 
 _BUSY = HTTPStatus.SERVICE_UNAVAILABLE
 _LIMITS = (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError)
@@ -85,11 +107,13 @@ def check_each(documents: Sequence[object], settings: Settings) -> list[Submissi
     return answers
 
 
-async def accept(inside: Resources, problem: Submission, holder: ApiKey | None) -> Submission:
+async def accept(
+    inside: Resources, problem: Submission, holder: ApiKey | None, *, is_estimate: bool = False
+) -> Submission:
     """Return a problem that has been examined, with its budget turned into a tier. Raises its refusal."""
 
     def prepare() -> tuple[AccuracyTable | None, Mapping[str, str]]:
-        table = _reserve(inside, holder, [problem])
+        table = _reserve(inside, holder, [problem], is_estimate=is_estimate)
         return table, {} if problem.keys is None else inside.examiner.cached([problem])
 
     table, cached = await run_in_threadpool(prepare)
@@ -102,7 +126,11 @@ async def accept(inside: Resources, problem: Submission, holder: ApiKey | None) 
 
 
 async def accept_many(
-    inside: Resources, problems: Sequence[Submission | ApiError], holder: ApiKey | None
+    inside: Resources,
+    problems: Sequence[Submission | ApiError],
+    holder: ApiKey | None,
+    *,
+    is_estimate: bool = False,
 ) -> list[Submission | ApiError]:
     """Do the same with each problem of a list; a refusal takes the place of its problem.
 
@@ -114,7 +142,8 @@ async def accept_many(
     given = {index: each for index, each in enumerate(problems) if isinstance(each, Submission)}
     table = None
     if given:
-        table = await run_in_threadpool(_reserve, inside, holder, list(given.values()))
+        reserve = partial(_reserve, is_estimate=is_estimate)
+        table = await run_in_threadpool(reserve, inside, holder, list(given.values()))
     claimant = Claimant(None if holder is None else holder.id, is_list=True)
     examined = await _examine(
         inside, {index: each for index, each in given.items() if each.keys is not None}, claimant
@@ -127,10 +156,10 @@ async def accept_many(
 
 
 def _reserve(
-    inside: Resources, holder: ApiKey | None, problems: Sequence[Submission]
+    inside: Resources, holder: ApiKey | None, problems: Sequence[Submission], *, is_estimate: bool
 ) -> AccuracyTable | None:
     """Admit the problems to the queue; return the accuracy table if any of them has a budget."""
-    inside.limits.reserve_jobs(holder, len(problems))
+    inside.limits.reserve_jobs(holder, len(problems), is_estimate=is_estimate)
     has_budgets = any(each.checked.problem.accuracy.budget_seconds is not None for each in problems)
     return AccuracyStore(inside.database).current() if has_budgets else None
 
@@ -145,6 +174,100 @@ def _settled(problem: Submission | ApiError, table: AccuracyTable | None) -> Sub
         return refusal
     except DynamicsError as fault:
         return refusal_of(fault)
+
+
+async def estimate_jobs(
+    inside: Resources, problems: Sequence[Submission | ApiError], holder: ApiKey | None, *, is_list: bool
+) -> CostEstimateOut:
+    """Return what problems are expected to cost. Raises the refusal of a single one."""
+    if is_list:
+        answers = await accept_many(inside, problems, holder, is_estimate=True)
+    elif isinstance(problems[0], ApiError):
+        raise problems[0]
+    else:
+        answers = [await accept(inside, problems[0], holder, is_estimate=True)]
+    accepted = {index: each for index, each in enumerate(answers) if isinstance(each, Submission)}
+    if not accepted:
+        raise nothing_accepted(answers)
+    given = {
+        index if is_list else None: (each.checked.problem, _sampled(each)) for index, each in accepted.items()
+    }
+    refused = {index: each for index, each in enumerate(answers) if isinstance(each, ApiError)}
+    return await run_in_threadpool(_estimate_out, inside, partial(estimate_of_jobs, given), refused)
+
+
+async def estimate_sweep(inside: Resources, sweep: Sweep, holder: ApiKey | None) -> CostEstimateOut:
+    """Return what a sweep is expected to cost, from the examination of some of its points."""
+
+    def checked() -> dict[int, Submission]:
+        found: dict[int, Submission] = {}
+        for index in sampled_points(sweep):
+            # What is no problem is a point with a reason, and costs next to nothing.
+            with suppress(InvalidProblemError, DynamicsError):
+                found[index] = check(sweep.document(index), inside.settings)
+        return found
+
+    points = await run_in_threadpool(checked)
+    claimant = Claimant(None if holder is None else holder.id, is_list=True)
+    examined = await _examine(
+        inside, {index: each for index, each in points.items() if each.keys is not None}, claimant
+    )
+    sampled = [(each.checked.problem, _sampled(examined.get(index, each))) for index, each in points.items()]
+    return await run_in_threadpool(_estimate_out, inside, partial(estimate_of_sweep, sweep, sampled), {})
+
+
+def _sampled(found: Submission | ApiError) -> ExaminedPoint:
+    """Return what an examination has found, as far as there was time for it."""
+    if isinstance(found, ApiError):
+        return UNEXAMINED
+    seconds = 0.0 if found.keys is None else found.seconds or UNEXAMINED.seconds
+    try:
+        return ExaminedPoint(window_of(found.verdict), seconds)
+    except ApiError:
+        return ExaminedPoint(None, seconds, is_refused=True)
+
+
+def _estimate_out(
+    inside: Resources,
+    estimate: Callable[[AccuracyTable, AccuracyTable], CostEstimate],
+    refused: Mapping[int, ApiError],
+) -> CostEstimateOut:
+    found = estimate(AccuracyStore(inside.database).current(), shipped_table())
+    registry = WorkerRegistry(inside.database, lease_seconds=inside.settings.lease_seconds)
+    kernels = most_missing(registry.kernels())
+    return CostEstimateOut(
+        points=found.points,
+        tier=found.tier,
+        seconds=found.seconds,
+        bytes=found.bytes,
+        slow=[SlowPart(pointer=each.pointer, why=each.why) for each in found.slow],
+        ready_in=None if kernels is None else kernels.seconds,
+        refused=[
+            RefusedItemOut(index=index, problem=refusal.document()) for index, refusal in refused.items()
+        ],
+    )
+
+
+def nothing_accepted(answers: Sequence[Submission | ApiError]) -> ApiError:
+    """Return the refusal of a list none of whose problems is accepted."""
+    refusals = [answer for answer in answers if isinstance(answer, ApiError)]
+    faults = [
+        replace(fault, pointer=f"/{index}{fault.pointer}")
+        for index, refusal in enumerate(refusals)
+        for fault in refusal.faults
+    ]
+    return ApiError(
+        HTTPStatus.UNPROCESSABLE_ENTITY,
+        "no_problem_accepted",
+        f"none of the {len(answers)} problems is accepted; items has the reasons",
+        faults=first_of(faults),
+        extras={"items": [refused_item(refusal).model_dump() for refusal in refusals]},
+    )
+
+
+def refused_item(refusal: ApiError) -> JobItemOut:
+    """Return what stands in the place of a refused problem."""
+    return JobItemOut(status=refusal.status, job=None, problem=refusal.document())
 
 
 async def _examine(

@@ -21,6 +21,7 @@ from service.cli.common import (
 )
 from service.jobs.keys import ApiKey, KeyNotFoundError, KeyStanding, Role, key_prefix
 from service.logs import one_line
+from service.schemas.reading.documents import instant_text
 from service.terminal import answer, say
 
 if TYPE_CHECKING:
@@ -152,10 +153,10 @@ def _document(key: ApiKey, now: datetime) -> dict[str, object]:
         "role": key.role.value,
         "state": key.standing(now).value,
         "name": key.name,
-        "created_at": key.created_at.isoformat(),
-        "expires_at": key.expires_at and key.expires_at.isoformat(),
-        "revoked_at": key.revoked_at and key.revoked_at.isoformat(),
-        "last_used_at": key.last_used_at and key.last_used_at.isoformat(),
+        "created_at": instant_text(key.created_at),
+        "expires_at": key.expires_at and instant_text(key.expires_at),
+        "revoked_at": key.revoked_at and instant_text(key.revoked_at),
+        "last_used_at": key.last_used_at and instant_text(key.last_used_at),
         "requests_per_second": key.requests_per_second,
         "max_queued_jobs": key.max_queued_jobs,
         "max_stored_bytes": key.max_stored_bytes,
@@ -191,12 +192,13 @@ def backup(
 
     settings = settings_of(database_url=database_url)
     try:
-        contents = back_up(settings.database_url, file, replace=force)
+        contents = back_up(settings.database_url, file, force=force)
     except BackupError as fault:
         fail(f"no backup: {fault}", REFUSED)
     jobs, solutions = (contents.rows.get(name, 0) for name in ("jobs", "solutions"))
     size = file.stat().st_size / 1e6
-    say(f"{file}: {jobs} jobs, {solutions} solutions, {contents.schema}, {size:.1f} MB")
+    by = f", by {contents.made_by}" if contents.made_by else ""
+    say(f"{file}: {jobs} jobs, {solutions} solutions, {contents.schema}, {size:.1f} MB{by}")
 
 
 def restore(

@@ -20,12 +20,14 @@ _TEXT = re.compile(r"(plh_[0-9A-Za-z]{8})_[0-9A-Za-z]{43}", re.ASCII)
 class Role(StrEnum):
     """The permissions of a key; each role includes all roles before it."""
 
+    METRICS = "metrics"
+    """Read the metrics of the installation, and nothing else: for a program that scrapes them."""
     READ = "read"
-    """Read everything."""
+    """Read everything, and ask for verdicts, which store nothing."""
     SUBMIT = "submit"
     """Submit jobs, and cancel what was submitted with the same key."""
     OPERATE = "operate"
-    """Cancel anything, and read the metrics of the installation."""
+    """Cancel anything."""
     ADMIN = "admin"
     """Manage keys."""
 

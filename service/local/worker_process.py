@@ -1,4 +1,4 @@
-"""A worker process: its name, its host, its command line and its environment."""
+"""A worker process: its name, its host, its command line, its environment, its folder of compiled code."""
 
 import json
 import os
@@ -59,3 +59,40 @@ def worker_environment(settings: "Settings") -> dict[str, str]:
     log = {"POLHODE_LOG_FORMAT": settings.log_format, "POLHODE_LOG_LEVEL": settings.log_level}
     chosen = {name: value for name, value in log.items() if value is not None}
     return {**os.environ, "POLHODE_DATABASE_URL": settings.database_url, **chosen}
+
+
+FOLDER_VARIABLE = "NUMBA_CACHE_DIR"
+"""Names another folder for compiled code; what is in it is run, so nobody else may be able to write to it."""
+
+
+def own_folder() -> Path | None:
+    """Return the folder of compiled code, made where it is missing; None if there is a reason against it."""
+    folder = _base() / "compiled"
+    return folder if why_no_folder() is None else None
+
+
+def why_no_folder() -> str | None:
+    """Return what is wrong with the folder, and what to do; None if it can be used."""
+    folder = _base() / "compiled"
+    advice = f"set {FOLDER_VARIABLE} to a folder of your own"
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        about = folder.stat()
+    except OSError as fault:
+        return f"{folder} cannot be made ({fault.strerror}): {advice}"
+    if about.st_uid not in (0, os.getuid()) or about.st_mode & 0o022:
+        return f"others can write to {folder}, and what is in it is run: {advice}, or chmod 700 that one"
+    # One that only root writes to, as that of an image, is good for what is in it.
+    if not os.access(folder, os.W_OK) and not any(folder.glob("ready-*")):
+        return f"{folder} cannot be written to: {advice}"
+    return None
+
+
+def _base() -> Path:
+    named = os.environ.get(FOLDER_VARIABLE)
+    if named:
+        return Path(named)
+    caches = os.environ.get("XDG_CACHE_HOME")
+    # The method of Path raises where nobody knows a home.
+    home = os.path.expanduser("~")  # noqa: PTH111
+    return (Path(caches) if caches else Path(home, ".cache")) / "polhode"

@@ -16,9 +16,13 @@ from collections import Counter, defaultdict
 from numba.core import event
 from numba.core.event import Event, Listener
 
+from service.local.worker_process import FOLDER_VARIABLE
 from service.startup import collect_seldom
 from tests.benchmarks.measuring import Effort, Table, in_words
-from workers.computation.compiled_code import FOLDER_VARIABLE, GROUPS, allow_compiling
+from workers.computation.compiled_code import (
+    GROUPS,
+    allow_compiling,
+)
 from workers.sweeping.warming import compile_group
 
 LISTED = 40

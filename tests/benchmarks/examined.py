@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import count
 
 from service.verdicts.examination import examine_problems
-from tests.benchmarks.kept import forgetful
+from tests.benchmarks.cached_examinations import forgetful
 from tests.benchmarks.lists import GENERAL
 from tests.benchmarks.measuring import Effort, Table, in_turns, in_words
 from tests.benchmarks.whole.requests import PROBLEM

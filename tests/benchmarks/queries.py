@@ -196,7 +196,7 @@ def _pages(line: Line, what: str, query: str) -> None:
                 break
             taken.append(_seconds(line, request))
             following = json.loads(line.exchange(request)[1]).get("next")
-            request = following and line.request("GET", following)
+            request = following and line.request("GET", f"/v1/solutions{following}")
     _say(what, taken)
 
 

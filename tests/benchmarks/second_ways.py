@@ -26,7 +26,7 @@ from service.dynamics.reduction.windows import choose_window, find_windows
 from service.jobs.records import Solved
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.verdicts.examination import examine_problems
-from tests.benchmarks.kept import forgetful
+from tests.benchmarks.cached_examinations import forgetful
 from tests.benchmarks.measuring import in_turns, in_words, median, say
 from tests.support.examinations import examination_of
 from tests.support.planar import body, formula, planar

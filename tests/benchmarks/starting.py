@@ -20,8 +20,8 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
+from service.local.worker_process import FOLDER_VARIABLE
 from tests.benchmarks.measuring import Effort, Table, in_words
-from workers.computation.compiled_code import FOLDER_VARIABLE
 
 PATIENCE = 300.0
 PROBLEM = {

@@ -121,7 +121,9 @@ def test_a_late_answer_leaves_the_field_alone_that_somebody_is_in(tab):
     page = tab.open(f"solution?id={tab.site.solutions['first']}&start=1&stop=2")
     expect(page.locator("#title")).not_to_be_empty()
     field, other = page.get_by_label("from"), page.get_by_label("to", exact=True)
+    expect(field).to_be_visible()  # the title comes first, and what is hidden takes no focus
     field.focus()
+    expect(field).to_be_focused()
     assert wait_until(lambda: page.title() and held)  # asking the page lets the request be seen
     held[0].continue_()
     expect(page.locator("#series-note")).to_contain_text("From 1 to 2")

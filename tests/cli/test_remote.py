@@ -6,12 +6,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import typer
 from typer.testing import CliRunner, Result
 
 from service.cli.commands import app
+from service.cli.remote import work
+from service.terminal import FileFaultError, read_items
 from tests.client.conftest import base, service
 
 __all__ = ["base", "service"]
@@ -153,3 +156,126 @@ def test_labels_are_changed_and_listed(here, base):
         assert rows == [{"labels": document["labels"]}]
     refused = here("tag", thing, "=thesis")
     assert refused.exit_code == 2
+
+
+def test_a_list_goes_on_after_a_refusal_and_tells_every_place(here, base):
+    problems = [base | {"motion": base["motion"] | {"lambda": f"{100 + k}/100"}} for k in range(5)]
+    bad = base | {"body": {"A": -2, "C": 1}}
+    content = "\n".join(json.dumps(each) for each in [*problems[:2], bad, *problems[2:]])
+    listed = here("submit", "-", content=f"{content}\n{{broken\n")
+    lines = [line.split("  ", 2) for line in listed.stdout.splitlines()]
+    assert listed.exit_code == 1
+    assert [int(line[0]) for line in lines] == list(range(7))
+    assert [index for index, line in enumerate(lines) if line[1] == "-"] == [2, 6]
+    assert "/body/A: -2 is not positive" in lines[2][2]
+    assert "number 6: line 1, column 2" in lines[6][2]
+    assert "2 of 7 problems were refused" in listed.stderr
+    # The same list once more has the same jobs, also as a JSON list.
+    again = here("submit", "-", content=json.dumps([*problems[:2], bad, *problems[2:]]))
+    assert [line.split()[1] for line in again.stdout.splitlines()] == [line[1] for line in lines[:6]]
+
+
+def test_a_list_is_waited_for(here, base):
+    failing = base | {"body": {"A": 0, "C": 1}}
+    done = here("submit", "-", "--wait", content=json.dumps([base, failing]))
+    assert done.exit_code == 1
+    first, second = sorted(done.stdout.splitlines())
+    solution = first.split()[1]
+    assert json.loads(here("show", solution, "--json").stdout)["id"] == solution
+    assert second.startswith("1  -  ")
+
+
+def test_a_list_of_any_length_is_read_item_by_item(tmp_path):
+    def items(text):
+        (tmp_path / "list").write_text(text)
+        is_list, found = read_items(tmp_path / "list")
+        return is_list, [str(each) if isinstance(each, FileFaultError) else each for each in found]
+
+    many = [{"a": list(range(100))} for _ in range(2000)]
+    assert items(json.dumps(many)) == items(json.dumps(many, indent=1)) == (True, many)
+    assert items("\n".join(json.dumps(each) for each in many)) == (True, many)
+    assert items(json.dumps(many[0], indent=1)) == items(json.dumps(many[0])) == (False, [many[0]])
+    assert items("[]") == (True, [])
+    # One that repeats a field is refused in its place, as the service would.
+    is_list, found = items('[{"a": 1}, {"a": 1, "a": 2}, {"b": 1}]')
+    assert (is_list, found[0], found[2]) == (True, {"a": 1}, {"b": 1})
+    assert "number 1: " in found[1]
+    assert "what follows is not read" in items('[{"a": 1} {"b": 1}]')[1][-1]
+    assert "what follows is not read" in items('[{"a": 1}, {"b": ')[1][-1]
+
+
+def test_a_list_for_people_tells_the_problem_and_fits_the_terminal(here, base, monkeypatch):
+    done = here("submit", "-", "--wait", content=json.dumps(base))
+    assert done.exit_code == 0
+    head, line = here("list", "--limit", 1).stdout.splitlines()
+    assert head.split()[:5] == ["id", "potential", "λ", "period", "energy"]
+    assert str(base["potential"].get("expression", base["potential"]["type"])) in line
+    solution = json.loads(here("show", line.split()[0], "--json").stdout)
+    assert f"{solution['period']['value']:.6g}" in line
+    assert repr(solution["period"]["value"]) not in line
+    monkeypatch.setattr(work, "_width", lambda: 70)
+    narrow = here("list", "--limit", 1).stdout.splitlines()
+    assert max(map(len, narrow)) <= 70
+    assert narrow[1].split()[0] == solution["id"]
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "arrow", "ndjson"])
+def test_a_list_is_written_to_a_file(here, base, tmp_path, ending):
+    assert here("submit", "-", "--wait", content=json.dumps(base)).exit_code == 0
+    out = tmp_path / f"solutions.{ending}"
+    assert here("list", "--out", out, "--columns", "id,period,lambda").exit_code == 0
+    count = len(json.loads(here("list", "--json", "--limit", 10_000).stdout))
+    match ending:
+        case "csv":
+            rows = len(out.read_text().splitlines()) - 1
+        case "ndjson":
+            rows = len(out.read_text().splitlines())
+        case "parquet":
+            rows = pq.read_table(out).num_rows
+        case _:
+            rows = pa.ipc.open_stream(out).read_all().num_rows
+    assert rows == count
+    refused = here("list", "--out", tmp_path / "solutions.npz")
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    assert ".parquet" in refused.stderr
+
+
+def test_a_report_has_the_problem_and_every_output(here, base):
+    asked = base | {
+        "body": {"A": 2, "B": "3/2", "C": 1},
+        "outputs": ["gamma", "omega", "stability", "orientation"],
+        "labels": {"project": "thesis"},
+    }
+    shown = here("submit", "-", "--wait", content=json.dumps(asked)).stdout
+    words = [line.split()[0] for line in shown.splitlines()]
+    assert {
+        "id",
+        "body",
+        "potential",
+        "motion",
+        "times",
+        "period",
+        "window",
+        "stability",
+        "precession",
+    } <= set(words)
+    job = here("submit", "-", content=json.dumps(asked)).stdout.strip()
+    report = here("show", job).stdout
+    assert "project=thesis" in report
+    assert report.splitlines()[1].split()[0] == "state"
+
+
+def test_an_interrupted_sweep_goes_on_and_tells_how_to_get_it(capsys):
+    with pytest.raises(KeyboardInterrupt), work.going_on(NO_ID):
+        raise KeyboardInterrupt
+    told = capsys.readouterr().err
+    assert "goes on" in told
+    for command in ("wait", "get", "cancel"):
+        assert f"polhode {command} {NO_ID}" in told
+
+
+def test_help_is_there_in_encodings_that_lack_its_letters():
+    environment = {"PYTHONIOENCODING": "cp1252", "PATH": ""}
+    shown = subprocess.run([POLHODE, "--help"], capture_output=True, env=environment, check=False)
+    assert (shown.returncode, shown.stderr) == (0, b"")
+    assert b"families" in shown.stdout

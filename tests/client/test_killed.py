@@ -108,7 +108,8 @@ def test_a_stream_of_points_that_ends_too_early_is_asked_for_again(connected, ba
         def close(self) -> None:
             self._inner.close()
 
-    half = connected.carrier._http._transport = Half(connected.carrier._http._transport)
+    http = connected.carrier.connections.of().http
+    half = http._transport = Half(http._transport)
     assert sweep.table("index>0").equals(whole.slice(1))
     assert half.cut == 2
     assert np.isfinite(whole.column("period").to_numpy()).all()

@@ -57,9 +57,8 @@ def test_it_keeps_a_database_of_ones_own_and_deletes_a_temporary_one(tmp_path, b
 def test_that_a_faster_way_is_made_ready_is_told_once(capsys, compiling):
     answer = {"status": "ok"} | ({} if compiling is None else {"compiling": compiling})
     carrier = TellingCarrier(terms_of("http://127.0.0.1", cache=False))
-    carrier._http = httpx.Client(
-        base_url="http://127.0.0.1", transport=httpx.MockTransport(lambda _: httpx.Response(200, json=answer))
-    )
+    http = carrier.connections.of().http
+    http._transport = httpx.MockTransport(lambda _: httpx.Response(200, json=answer))
 
     def solved(way):
         return Motion(carrier, {"provenance": {"way": way}})

@@ -60,8 +60,8 @@ def test_any_answer_may_get_lost(service, base, how, tmp_path):
         for number in itertools.count(1):
             before = undisturbed.sweeps().count(), undisturbed.jobs().count()
             with ph.connect(service.address, cache=tmp_path / f"{number}") as client:
-                losing = Losing(client.carrier._http._transport, number, how)
-                client.carrier._http._transport = losing
+                http = client.carrier.connections.of().http
+                losing = http._transport = Losing(http._transport, number, how)
                 motion, samples, sweep, points = work(client, base)
             made = undisturbed.sweeps().count(), undisturbed.jobs().count()
             # One job, that of the motion, and one sweep: whatever was sent again.

@@ -1,12 +1,26 @@
 """Motions over the live service: numbers with their errors, and the function of time with its bits."""
 
 import asyncio
+import inspect
+import re
 from html import unescape
 
 import numpy as np
+import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import polhode as ph
+from polhode import evaluation
+from polhode.clients import Operations
+from polhode.motions import Motion
+from polhode.sweeps import Sweep
+from polhode.transport.steps import operation
+from polhode.verdicts import Judgement
+from service.dynamics.equations.orientation import trajectory_columns, trajectory_errors
+from service.dynamics.solution.dense_output import Advance, DenseOutput, Period
+from service.schemas.reading.numbers import LATEST
 
 PERIODIC = {
     "body": {"A": 2, "B": "3/2", "C": 1},
@@ -36,7 +50,7 @@ def served(service, motion, start, stop, samples):
 @pytest.mark.parametrize(
     ("problem", "spans"),
     [
-        (PERIODIC, [(0, 8, 65), (-1024, 1024, 129), (2**30, 2**30 + 16, 33)]),
+        (PERIODIC, [(0, 8, 65), (-1024, 1024, 129), (2**30, 2**30 + 16, 33), (1e15 - 8, 1e15, 65)]),
         (INTEGRATED, [(0, 5, 41)]),
     ],
     ids=["with orientation, over a period", "without a period"],
@@ -58,6 +72,76 @@ def test_times_that_were_not_computed_are_refused(connected):
     assert motion.period is None
     with pytest.raises(ph.WrongArgumentError, match="not known to be periodic"):
         motion.at(5.5)
+
+
+def test_what_is_evaluated_twice_has_the_same_limits_and_words(connected, base):
+    motion = connected.solve(base)
+    assert evaluation.LATEST == LATEST
+    for far in (2e15, -1e40):
+        with pytest.raises(ph.RefusedError) as told:
+            connected.solve(base, times=[far])
+        (fault,) = told.value.faults
+        with pytest.raises(ph.WrongArgumentError) as refused:
+            motion.at([0.0, far])
+        assert str(refused.value) == f"t = {far:.17g} is {fault.message}"
+    for nothing in (
+        float("nan"),
+        float("inf"),
+        None,
+        [0.0, None],
+        "1/2",
+        1j,
+        [[0, 1], [2]],
+        np.datetime64("now"),
+    ):
+        with pytest.raises(ph.WrongArgumentError, match="accepted"):
+            motion.at(nothing)
+
+
+def test_times_have_any_shape_and_any_type_of_numbers(connected, base):
+    motion = connected.solve(base)
+    grid = np.arange(6).reshape(2, 3)
+    samples = motion.at(grid)
+    assert (samples.t.shape, samples["g1"].shape, samples.omega.shape) == ((2, 3), (2, 3), (2, 3, 3))
+    assert len(samples) == len(samples.frame()) == 6
+    expected = motion.at([0.0, 1, 2, 3, 4, 5])
+    for each in (grid, grid.astype(np.longdouble), pd.Series(range(6), index=list("abcdef")), range(6)):
+        assert motion.at(each).gamma.reshape(6, 3).tolist() == expected.gamma.tolist()
+    assert motion.at(3).gamma.tolist() == expected.gamma[3:4].tolist()
+    assert motion.at([]).gamma.shape == (0, 3)
+
+
+PAIRS = st.tuples(st.floats(1e-3, 1e3), st.floats(-0.5, 0.5), st.sampled_from([0.0, 1e-30, 1e-16, 1e-9]))
+
+
+@given(PAIRS, PAIRS, st.lists(st.floats(-1e15, 1e15), min_size=1, max_size=4), st.integers(0, 2**32))
+def test_the_client_evaluates_and_claims_as_the_service_at_all_times(period, gained, times, seed):
+    names = ("p", "g1", *evaluation.LOCAL, "psi1")
+    hi, part, error = period
+    breaks = np.array([0.0, 0.3, 1.0]) * hi
+    coefficients = np.random.default_rng(seed).normal(size=(2, 7, 7)) / np.arange(1, 8)[:, None] ** 3
+    advance = gained[0], gained[1] * float(np.spacing(gained[0])), gained[2]
+    length = hi, part * float(np.spacing(hi)), error * hi
+    errors = {"psi1": 1e-12}
+    here = evaluation.FunctionOfTime(
+        names,
+        breaks,
+        coefficients,
+        evaluation.PairOfDoubles(*length),
+        1e-14,
+        errors,
+        {"psi1": evaluation.PairOfDoubles(*advance)},
+    )
+    there = DenseOutput(
+        names, breaks, coefficients, Period(*length), 1e-14, errors, {"psi1": Advance(*advance)}
+    )
+    asked = np.array(times)
+    told = trajectory_columns(there, asked, np.zeros(len(times)))
+    found = evaluation.columns_at(here, asked)
+    assert {name: each.tolist() for name, each in found.items()} == {
+        name: told[name].tolist() for name in found
+    }
+    assert evaluation.errors_at(here, asked) == trajectory_errors(there, asked)
 
 
 def test_numbers_carry_their_errors(connected, base, service):
@@ -145,6 +229,51 @@ def test_a_verdict_is_the_same_document(connected, service):
     assert connected.judge("a*g1", body=(2, 1), a="-1/2").is_admissible
 
 
+def test_a_verdict_is_typeset_and_tells_windows_and_cases(connected):
+    verdict = connected.judge("a*g1 + b/g3^2", body=(2, 1), lam=1, a=-1, b="1/20")
+    assert [window["kind"] for window in verdict.motions] == ["periodic"]
+    equations = verdict.latex()
+    for name in ("V", "h", "F", "G"):
+        assert equations[name][0].startswith(name)
+        assert equations[name][0].replace(" = ", " &= ", 1) in verdict._repr_latex_()
+    assert r"h \left(" in verdict._repr_html_()
+    assert verdict._repr_latex_().startswith(r"$\begin{aligned} V")
+    state = {"type": "state", "omega": [0, 0, 1], "gamma": [0, 0, 1]}
+    heavy = connected.judge({"type": "gravity", "c": 1}, body=(2, 2, 1), motion=state)
+    assert heavy.classical is not None
+    with pytest.raises(ph.WrongArgumentError, match="both set motion"):
+        connected.judge("g1", body=(2, 1), motion=state, lam=1)
+
+
+def test_a_parameter_without_a_value_is_told_as_one(connected):
+    with pytest.raises(ph.RefusedError, match=r"is b a parameter[?] b=1 would be its value"):
+        connected.judge("a*g1 + b/g3^2", body=(2, 1), a=-1)
+
+
+def test_signatures_are_those_that_a_person_calls(connected):
+    shown = {
+        name: str(inspect.signature(getattr(connected, name)))
+        for name in ("solve", "solve_all", "find", "job")
+    }
+    assert shown["job"] == "(job_id: str) -> Job"
+    assert shown["find"].endswith("-> Union[Job, Motion, Sweep]")
+    assert shown["solve_all"].endswith("-> list[Motion]")
+    assert shown["solve"].startswith(
+        "(base: Mapping[str, object] | str | PathLike[str] | None = None, *, body: "
+    )
+    assert shown["solve"].endswith("-> Motion")
+    every = [
+        *vars(Operations).values(),
+        *vars(Motion).values(),
+        *vars(Sweep).values(),
+        *vars(Judgement).values(),
+    ]
+    operations = [each for each in every if isinstance(each, operation)]
+    assert len(operations) > 30
+    for each in operations:
+        assert not re.search("Generator|Step|CarrierT", str(inspect.signature(each.call))), each
+
+
 def test_an_event_loop_gets_the_same(connected, base, service):
     async def solve():
         async with ph.connect_async(service.address) as client:
@@ -202,7 +331,9 @@ def test_what_never_changes_is_asked_for_once(connected, base, service):
     motion.at(0.0)
     asked = []
     with ph.connect() as other:
-        other.carrier._http.event_hooks = {"request": [lambda request: asked.append(request.url.path)]}
+        other.carrier.connections.of().http.event_hooks = {
+            "request": [lambda request: asked.append(request.url.path)]
+        }
         again = other.solution(motion.id)
         assert again.frame().equals(first)
         assert again.at(3.5).gamma.tolist() == motion.at(3.5).gamma.tolist()

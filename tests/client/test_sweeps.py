@@ -5,6 +5,7 @@ import json
 import zipfile
 
 import numpy as np
+import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
@@ -58,6 +59,17 @@ def test_a_point_is_a_problem_of_its_own(sweep, base):
         sweep[15]
 
 
+def test_axes_are_series_and_points_come_in_slices(connected, base):
+    frame = pd.DataFrame({"lam": [1.0, 1.25, 1.5], "a": [-1, -2, -3]}, index=[7, 8, 9])
+    sweep = connected.sweep(base, lam=frame.lam, a=frame.a, combine="zip", series=np.bool_(False))
+    assert sweep.frame()["lambda"].tolist() == frame.lam.tolist()
+    assert [point.index for point in sweep[1:]] == [1, 2]
+    assert [point.index for point in sweep[::-2]] == [2, 0]
+    assert sweep[np.int64(-1)].problem()["potential"]["parameters"]["a"] == -3
+    with pytest.raises(ph.WrongArgumentError, match="an integer"):
+        sweep[1.0]
+
+
 def test_points_without_a_motion_say_why(sweep):
     frame = sweep.frame("outcome!=solved")
     assert len(frame) == sweep.refused
@@ -107,3 +119,13 @@ def test_lists_are_paged_by_cursors(connected, base, monkeypatch):
     assert frame.created_at.dt.tz is not None
     assert len(listing.frame(limit=2)) == 2
     assert connected.jobs("state=succeeded").count() >= 8
+    shown = listing._repr_html_()
+    assert shown.count("<tr>") == 1 + len(ids)
+    assert all(
+        each in shown
+        for each in ("<th style='text-align:left'>period</th>", ids[0], f"solutions: {len(ids)}")
+    )
+    monkeypatch.setattr("polhode.listings._SHOWN", 2)
+    assert listing._repr_html_().count("<tr>") == 3
+    assert f"{len(ids)}, of which 2" in listing._repr_html_()
+    assert repr(connected.jobs("state=failed")) == "<list of jobs: where state=failed>"

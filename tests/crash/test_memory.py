@@ -74,7 +74,7 @@ def test_a_job_that_takes_all_memory_of_the_machine_ends_once(
 def test_a_job_beyond_its_own_limit_ends_at_the_first_attempt_with_the_limit(database, jobs, url):
     greedy = jobs.submit({"chore": "hog"}, "greedy")
     modest = jobs.submit({}, "modest")
-    worker = Worker(url, job_memory_mb=100)
+    worker = Worker(url, job_memory_mb=200)
     try:
         wait_until(lambda: all(jobs.get(job.id).is_finished for job in (greedy, modest)), 60.0)
         assert worker.process.poll() is None
@@ -82,6 +82,6 @@ def test_a_job_beyond_its_own_limit_ends_at_the_first_attempt_with_the_limit(dat
         worker.clean_up()
     dead = jobs.get(greedy.id)
     assert (dead.state, dead.error["code"], dead.attempt) == (JobState.FAILED, "memory_limit", 1)
-    assert "100 MiB" in dead.error["detail"]
+    assert "200 MiB" in dead.error["detail"]
     assert jobs.get(modest.id).state is JobState.SUCCEEDED
     assert [finding.code for finding in inspect(database) if finding.broken] == []

@@ -20,7 +20,7 @@ def is_weathered(figures: Figures, plan: Plan) -> None:
     assert {again["sameness"] for again in figures.doctor["solved_again"]} == {"identical"}
 
 
-@pytest.mark.parametrize("jobs", [24, pytest.param(60, marks=pytest.mark.long)])
+@pytest.mark.parametrize("jobs", [12, pytest.param(60, marks=pytest.mark.long)])
 def test_nothing_is_lost_or_doubled_in_a_short_storm(jobs):
     plan = Plan(seed=1, jobs=jobs, seconds=3.0)
     is_weathered(on_sqlite(plan), plan)

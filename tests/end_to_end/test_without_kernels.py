@@ -8,9 +8,10 @@ import pytest
 from service.catalogue import example_of
 from service.dynamics.classical.catalogue import CASES
 from service.jobs.kernels import NEVER, WAITS
+from service.local.worker_process import FOLDER_VARIABLE
 from tests.support.serving import serving
 from tests.workers.processes import wait_until
-from workers.computation.compiled_code import FOLDER_VARIABLE, WAY_VARIABLE
+from workers.computation.compiled_code import WAY_VARIABLE
 
 PLANAR = {
     "body": {"A": 2, "B": "3/2", "C": 1},

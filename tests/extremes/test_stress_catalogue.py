@@ -15,7 +15,7 @@ from flint import arb, ctx
 from service.jobs.records import Solved
 from service.storage.codecs.packing import decode_arrays
 from tests.extremes.elliptic import elliptic
-from tests.extremes.problems import METHODS, SEPARATRIX, require_claims, solve, three_terms
+from tests.extremes.problems import METHODS, SEPARATRIX, Answer, require_claims, solve, three_terms
 from workers.computation.compute import solve_checked
 
 ONE_PERIOD = {"periods": 1, "samples": 9}
@@ -82,6 +82,26 @@ def test_s2_next_to_the_separatrix_at_the_pole(method, e, positive, negative):
         if sign > 0:
             # lo = a1/2: 2 c1 x² = −a1 x.
             assert answer.summary["window"]["g1"][0] == pytest.approx(float(a1) / 2, rel=1e-15)
+
+
+@pytest.mark.parametrize("tier", ["draft", "standard", "high", "certified"])
+def test_s2_where_doubles_do_not_know_the_period_enclosures_have_it_and_the_times(tier):
+    """T is about 696; the closed form in doubles has 328, and claims an error of 57."""
+    document = {
+        "body": {"A": 2, "C": 1},
+        "potential": {"type": "expression", "expression": "1e-150*g1 - (g1^2-g2^2)"},
+        "motion": {"type": "planar", "nu": 1},
+        "time": ONE_PERIOD,
+        "accuracy": {"tier": tier},
+    }
+    found = solve_checked(json.dumps(document))
+    assert isinstance(found, Solved), found.error
+    answer = Answer(None, found.summary, decode_arrays(found.samples), ONE_PERIOD)
+    if tier == "certified":
+        radius = float(found.summary["period"]["radius"])
+        # The decimal becomes a double.
+        answer.summary["period"] = {"value": float(found.summary["period"]["value"]), "error": radius + 1e-13}
+    require_claims(answer, elliptic("WE", nu=NU_1, a1=Fraction("1e-150"), b1=Fraction(0), c1=-NU_1))
 
 
 def test_s2_at_the_separatrix_the_pole_is_never_reached():

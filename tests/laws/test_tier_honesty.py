@@ -4,17 +4,16 @@ import pytest
 
 from tests.benchmarks.honesty_counts import SUBJECTS, TIERS, Record, measured
 from tests.support.claims import CLAIMS
-from tests.support.effort import examples
+from tests.support.effort import examples, seldom
 
 COUNT = {"smooth": examples(30, 60), "states": examples(30, 60), "passages": examples(6, 60)}
-"""Certified motions through poles take seconds each."""
 SEED = 20
 """Seed of problems that python -m tests.benchmarks.honesty, with its own seed, does not ask."""
 
 pytestmark = pytest.mark.random_law
 
 
-@pytest.fixture(scope="module", params=list(SUBJECTS))
+@pytest.fixture(scope="module", params=["smooth", "states", *seldom("passages")])
 def record(request) -> Record:
     return measured(request.param, SEED, 0, COUNT[request.param])
 

@@ -13,7 +13,7 @@ def row(
 def table(*rows: AccuracyRow, version: str = "1", numerics: int = NUMERICS) -> AccuracyTable:
     return AccuracyTable(
         source="measured",
-        date="2026-01-02T03:04:05+00:00",
+        date="2026-01-02T03:04:05Z",
         version=version,
         numerics=numerics,
         machine=Machine(2, None, "Linux x86_64"),

@@ -107,4 +107,7 @@ def _accepted(sent: object, answer: dict) -> object:
     """Return what was sent, of a list only what was accepted."""
     if not isinstance(sent, list):
         return sent
+    if "items" not in answer:  # an estimate names those that would be refused
+        refused = {item["index"] for item in answer["refused"]}
+        return [each for index, each in enumerate(sent) if index not in refused]
     return [each for each, item in zip(sent, answer["items"], strict=True) if item["status"] < 300]

@@ -8,6 +8,7 @@ take long and seldom find what the others do not.
   ``make test-long EXAMPLES=some`` draws as many as lie halfway between the
   two in ratio: so a clean clone is tested, in a time one can wait for.
 - ``seldom``: cases beside others of the same table.
+- ``one_in``: of a table whose cases are alike, ``make test`` takes one in so many.
 - ``each_once``: of the combinations of several tables, ``make test`` takes so
   many that it meets every value of every table.
 """
@@ -15,7 +16,7 @@ take long and seldom find what the others do not.
 import itertools
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import pytest
 
@@ -32,6 +33,11 @@ def seldom(*cases: object) -> list:
     """Return cases of a table, each a value or a tuple of values, that ``make test-long`` tests only."""
     rows = [case if isinstance(case, tuple) else (case,) for case in cases]
     return [pytest.param(*row, marks=pytest.mark.long) for row in rows]
+
+
+def one_in(count: int, cases: Iterable[object]) -> list:
+    """Return cases of a table, of which ``make test`` tests one in ``count``, beginning with the first."""
+    return [case for k, each in enumerate(cases) for case in ([each] if k % count == 0 else seldom(each))]
 
 
 def each_once(**tables: Sequence[object]) -> pytest.MarkDecorator:

@@ -109,6 +109,8 @@ def ask(recorder: Recorder) -> None:
     record("submit_job", "a job", "POST", "/v1/jobs", CERTIFIED)
     job = record("submit_job", "finished in time", "POST", "/v1/jobs", PROBLEM, Prefer="wait=60")
     record("submit_job", "of a list", "POST", "/v1/jobs", [PROBLEM, {**PROBLEM, "body": {"A": 0, "C": 1}}])
+    record("submit_job", "an estimate", "POST", "/v1/jobs?estimate=true", CERTIFIED)
+    record("submit_sweep", "an estimate", "POST", "/v1/sweeps?estimate=true", SWEEP)
     certified = record("", "", "POST", "/v1/jobs", CERTIFIED, Prefer="wait=60")
     solution = f"/v1/solutions/{job['solution']}"
     record("get_job", "finished", "GET", f"/v1/jobs/{job['id']}")
@@ -148,6 +150,18 @@ def ask(recorder: Recorder) -> None:
     record("get_grid", "a row", "GET", f"{path}/grid?of=period")
     record("list_sweeps", "a page", "GET", "/v1/sweeps?limit=1")
     record("list_sweep_jobs", "a page", "GET", f"{path}/jobs?limit=1")
+    lists = {
+        "list_jobs": "/v1/jobs?limit=1",
+        "list_atlases": "/v1/atlases?limit=1",
+        "list_solutions": "/v1/solutions?limit=1",
+        "list_audits": f"{audits}?limit=1",
+        "list_problem_solutions": f"/v1/problems/{digest}/solutions?limit=1",
+        "list_sweeps": "/v1/sweeps?limit=1",
+        "list_sweep_jobs": f"{path}/jobs?limit=1",
+    }
+    for operation, place in lists.items():
+        for media_type in (CSV, NDJSON):
+            record(operation, "a row", "GET", place, Accept=media_type)
     for media_type in (JSON, CSV, NDJSON):
         record("get_points", "two points", "GET", f"{path}/points", Accept=media_type)
     record("get_point_facets", "outcomes", "GET", f"{path}/points/facets?by=outcome")

@@ -19,7 +19,7 @@ from service.dynamics.solution.ball_columns import RADIUS
 from service.jobs.records import Refused, Solved
 from service.sandbox import Sandbox
 from service.schemas.problem.problem import read_problem
-from service.schemas.reading.documents import InvalidProblemError
+from service.schemas.reading.documents import InvalidProblemError, instant_text
 from service.storage.codecs.packing import decode_arrays
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
@@ -120,7 +120,7 @@ def calibrate(
                 unavailable.append(row)
     return AccuracyTable(
         source=source,
-        date=datetime.now(UTC).isoformat(timespec="seconds"),
+        date=instant_text(datetime.now(UTC), "seconds"),
         version=version_of("polhode"),
         numerics=NUMERICS,
         machine=this_machine(),

@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from service.jobs.kernels import KERNELS, Kernels
-from service.local.worker_process import worker_command
+from service.local.worker_process import own_folder, why_no_folder, worker_command
 from service.terminal import answer, say
 from workers.computation.compiled_code import (
     GROUPS,
@@ -30,10 +30,8 @@ from workers.computation.compiled_code import (
     allow_compiling,
     code_in_use,
     is_ready,
-    own_folder,
     take_shipped_code,
     trim,
-    why_no_folder,
 )
 from workers.solvers import compiled
 from workers.sweeping.warming import WarmingError, compile_group

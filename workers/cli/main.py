@@ -5,20 +5,24 @@ import what they need when they run: a worker is there before the solvers, which
 """
 
 import json
+import logging
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from service.local.worker_process import why_no_folder
 from service.logs import start_logging
 from service.settings import SettingsError, read_settings
 from service.terminal import FileFaultError, say
+
+logger = logging.getLogger(__name__)
 
 _FAILED, _WRONG_USAGE = 1, 2
 _TASKS, _TASKS_OF_A_SLOT, _ADDRESS_MB = 10, 4, 1000
 """The needs of a worker, counted: its threads, the processes around its children, two children a slot while
 they are replaced; and what a child reserves with all code loaded, 700 MB."""
 
-COMMANDS = ("run", "solve", "atlas", "sweep", "compile", "calibrate", "doctor")
+COMMANDS = ("run", "children", "solve", "atlas", "sweep", "compile", "calibrate", "doctor")
 _PATHS = ("file", "out", "csv", "picture")
 """Options that are paths."""
 
@@ -47,6 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _command(name: str) -> Callable[..., int]:
     """Return the function of a command; it returns the exit code."""
     match name:
+        case "children":
+            from workers.process.remote import serve_children  # noqa: PLC0415
+
+            return serve_children
         case "solve":
             from workers.cli.documents import solve_file  # noqa: PLC0415
 
@@ -81,7 +89,7 @@ def run(*, slots: int | None = None, wake_fd: int | None = None) -> int:
     """
     from service.sandbox import lack_of_room  # noqa: PLC0415
     from workers.process.start import run_worker  # noqa: PLC0415
-    from workers.process.tasks import COMPUTATIONS, PRELOAD, WARM_UP, WorkerTasks  # noqa: PLC0415
+    from workers.process.tasks import TASKS  # noqa: PLC0415
 
     settings = read_settings()
     start_logging(settings.log_format, settings.log_level or "info")
@@ -89,13 +97,15 @@ def run(*, slots: int | None = None, wake_fd: int | None = None) -> int:
     if (reason := lack_of_room(tasks=_TASKS + _TASKS_OF_A_SLOT * slots, megabytes=_ADDRESS_MB)) is not None:
         say(reason)
         return _FAILED
+    if (reason := why_no_folder()) is not None:
+        logger.warning("compiled code cannot be kept, and jobs are solved without it: %s", reason)
     try:
         if wake_fd is None:
             # Started alone. A service that starts workers migrates, and tells them when it has.
             from service.storage.database.migration import migrate_or_explain  # noqa: PLC0415
 
             migrate_or_explain(settings.database_url)
-        run_worker(WorkerTasks(COMPUTATIONS, PRELOAD, WARM_UP), settings, slots=slots, wake_fd=wake_fd)
+        run_worker(TASKS, settings, slots=slots, wake_fd=wake_fd)
     except _reasons_to_end() as fault:
         say(str(fault))
         return _FAILED

@@ -36,6 +36,7 @@ from typing import Any, Literal  # Any: numba has no types
 
 import numpy as np
 
+from service.local.worker_process import own_folder
 from service.versions import version_of
 from workers.solvers import compiled, ways
 
@@ -106,8 +107,6 @@ def _openblas() -> ctypes.CDLL | None:
     return None
 
 
-FOLDER_VARIABLE = "NUMBA_CACHE_DIR"
-"""Names another folder; what is in it is run, so nobody else may be able to write to it."""
 WAY_VARIABLE = "POLHODE_WAY"
 """``compiled`` or ``plain``: the way of every job, whatever is ready. For tests."""
 Group = Literal["planar", "outputs", "sweeps", "states"]
@@ -248,39 +247,6 @@ def _in_words(value: object) -> str:
 
 def _digest(parts: Sequence[str]) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
-
-
-def own_folder() -> Path | None:
-    """Return the folder, made where it is missing; None if there is none, see :func:`why_no_folder`."""
-    folder = _base() / "compiled"
-    return folder if why_no_folder() is None else None
-
-
-def why_no_folder() -> str | None:
-    """Return what is wrong with the folder, and what to do; None if it can be used."""
-    folder = _base() / "compiled"
-    advice = f"set {FOLDER_VARIABLE} to a folder of your own"
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        about = folder.stat()
-    except OSError as fault:
-        return f"{folder} cannot be made ({fault.strerror}): {advice}"
-    if about.st_uid not in (0, os.getuid()) or about.st_mode & 0o022:
-        return f"others can write to {folder}, and what is in it is run: {advice}, or chmod 700 that one"
-    # One that only root writes to, as that of an image, is good for what is in it.
-    if not os.access(folder, os.W_OK) and not any(folder.glob("ready-*")):
-        return f"{folder} cannot be written to: {advice}"
-    return None
-
-
-def _base() -> Path:
-    named = os.environ.get(FOLDER_VARIABLE)
-    if named:
-        return Path(named)
-    caches = os.environ.get("XDG_CACHE_HOME")
-    # The method of Path raises where nobody knows a home.
-    home = os.path.expanduser("~")  # noqa: PTH111
-    return (Path(caches) if caches else Path(home, ".cache")) / "polhode"
 
 
 _ready = set[Group]()

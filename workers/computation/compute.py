@@ -27,6 +27,7 @@ from service.dynamics.solution.dense_output import DenseOutput, Period
 from service.dynamics.verdict.simple_form import simplified
 from service.jobs.kernels import NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
+from service.local.worker_process import why_no_folder
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
 from service.schemas.problem.trusted import trusted_problem
@@ -44,7 +45,6 @@ from workers.computation.compiled_code import (
     is_ready,
     keep_compiled_code,
     way_for,
-    why_no_folder,
 )
 from workers.computation.outputs import InUnits, compute_outputs, errors_of, in_units, require_promise
 from workers.computation.summary import summarise
@@ -254,10 +254,12 @@ def solve(problem: Problem) -> Motion:
         return motion
     if enclosing != "where needed":
         require_error_within(motion.error, problem.tolerance)
-        is_beside = enclosing == "always"
-        require_period_known(
-            motion.dense.period, TIER_TOLERANCES["standard"] if is_beside else problem.tolerance
-        )
+        # Enclosures have a period too; a cross-check has this one only.
+        if enclosing == "never" or problem.method == "both":
+            is_beside = enclosing == "always"
+            require_period_known(
+                motion.dense.period, TIER_TOLERANCES["standard"] if is_beside else problem.tolerance
+            )
     if problem.method == "both":
         motion = replace(motion, cross_check=_cross_check(problem, motion))
     if enclosing == "where needed":
@@ -317,6 +319,7 @@ def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certifi
     if not isinstance(problem.motion, PlanarMotion):
         raise DynamicsError("the certified tier is for planar motions", pointer="/accuracy/tier")
     enclosed = _certify(problem, motion)
+    motion = _with_period_known(motion, enclosed, TIER_TOLERANCES["standard"])
     parts = parts_for(problem.accuracy.bits)
     rows = [[split(ball, parts) for ball in state] for state in enclosed.states]
     first = np.array([[doubles[0] for doubles, _ in row] for row in rows])
@@ -342,17 +345,32 @@ def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
     except CertifiedUnavailableError:
         require_period_known(motion.dense.period, problem.tolerance)
         raise AccuracyNotMetError(motion.error, problem.tolerance) from None
-    if not is_known(motion.dense.period, problem.tolerance):
-        # The function of time is one of wrong times: no two values of a variable differ by more than this.
-        wrong = 2.0 * float(np.abs(motion.dense.coefficients).sum(axis=1).max(initial=0.0))
-        dense = replace(motion.dense, period=_rounded(enclosed.period), error=motion.dense.error + wrong)
-        motion = replace(motion, dense=dense)
-        require_period_known(dense.period, problem.tolerance)
+    motion = _with_period_known(motion, enclosed, problem.tolerance)
     rounded = np.array([[float(ball.mid()) for ball in state] for state in enclosed.states])
     proven = _with_samples(problem, motion, enclosed, rounded)
     if not is_within(proven.error, problem.tolerance):
         raise AccuracyNotMetError(min(motion.error, proven.error), problem.tolerance)
     return replace(proven, enclosed_by=enclosed.method)
+
+
+def _with_period_known(motion: Motion, enclosed: Certified, tolerance: float) -> Motion:
+    """Return ``motion`` with the enclosed period and times if its period is not known to this tolerance.
+
+    Raises
+    ------
+    PeriodNotKnownError
+        Its rounding to doubles is worse as well.
+    """
+    if is_known(motion.dense.period, tolerance):
+        return motion
+    # The function of time is one of wrong times: no two values of a variable differ by more than this.
+    wrong = 2.0 * float(np.abs(motion.dense.coefficients).sum(axis=1).max(initial=0.0))
+    dense = replace(motion.dense, period=_rounded(enclosed.period), error=motion.dense.error + wrong)
+    require_period_known(dense.period, tolerance)
+    # Parts of the period that were asked for are later, or sooner.
+    times = np.array([float(at) for at in enclosed.times])
+    left = np.array([float(at - arb(t)) for at, t in zip(enclosed.times, times.tolist(), strict=True)])
+    return replace(motion, dense=dense, times=times, low_parts=left)
 
 
 def _certify(problem: Problem, motion: Motion) -> Certified:

@@ -1,7 +1,7 @@
-"""Claims jobs, computes them in killable children, renews leases, and stores results under the claim.
+"""Claims jobs, has a pool compute them, renews leases, and stores results under the claim.
 
 The runner never waits: the worker loop calls its steps, from one thread, when something
-may have happened. No transaction is open while a child computes.
+may have happened. No transaction is open while a job is computed.
 """
 
 import json
@@ -9,60 +9,39 @@ import logging
 import random
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import CancelledError, Future
-from typing import Any  # Any: an outcome, or those of a batch
+from concurrent.futures import CancelledError
 
 from service.jobs.kernels import Outlook
 from service.jobs.queue import BATCH_SECONDS, BatchSize, Lane, LaneShares
-from service.jobs.records import Claim, ClaimedJobs, JobKind, Outcome, SolveOutcome
+from service.jobs.records import Claim, ClaimedJobs, JobKind, Refused, Solved
 from service.jobs.store import JobStore
-from service.logs import about, call_about
-from service.sandbox import Sandbox, SandboxCrashError, SandboxTimeoutError, result_of
-from workers.process.batches import (
-    BatchSizes,
-    Call,
-    ChildRun,
-    Ledger,
-    Waiting,
-    compute_in_turn,
-    may_share,
-    shared_out,
-)
+from service.logs import about
+from service.sandbox import SandboxCrashError, SandboxTimeoutError
+from workers.process.batches import BatchSizes, PoolRun, Waiting, may_share, shared_out
+from workers.process.pool import Pool, ReturnedError
 from workers.process.results import JobLimits, Leases, Results, extra_of, fields_of
 
 logger = logging.getLogger(__name__)
 
 
-Computation = Callable[..., Outcome]
-"""A module-level function from :attr:`Claim.payload`, as JSON text, to the outcome of the job.
-
-If the windows of its curve are kept, their text comes second; an audit has the stored solution third.
-"""
-Computations = Mapping[JobKind, Computation]
-
-START_SECONDS = 20.0
-"""Limit for a child to take its job; starting a new child takes far less."""
 WATCH_SECONDS = 0.2
 """How often to look for cancellations while a job runs."""
 RECONCILE_SECONDS = 1.0
 """How often to look for expired leases."""
-_STOPPED, _SLOW = "the worker stopped", "a job before it took long"
+_STOPPED, _SLOW, _STUCK = "the worker stopped", "a job before it took long", "no child took it"
 """Why jobs are queued again."""
+_SOLVES = Solved, Refused
 
 
 class Runner:
-    """Up to ``slots`` jobs at a time, each in a child process.
+    """As many jobs at a time as a pool has places for.
 
     Parameters
     ----------
-    store, sandbox
-        Where jobs come from, and where they run. The sandbox has ``slots`` children.
-    computations
-        The function for each kind of job.
+    store, pool
+        Where jobs come from, and where they are computed.
     name
         Unique name of the worker.
-    wake
-        Called from another thread when a child is done, so that the loop calls :meth:`collect`.
     outlook
         Whether there are kernels for jobs that wait for them.
     """
@@ -70,29 +49,23 @@ class Runner:
     def __init__(
         self,
         store: JobStore,
-        sandbox: Sandbox,
-        computations: Computations,
+        pool: Pool,
         *,
         name: str,
-        slots: int,
         limits: JobLimits,
-        wake: Callable[[], None],
         outlook: Callable[[], Outlook] = lambda: "there",
     ) -> None:
         self._name = name
         self._store = store
-        self._sandbox = sandbox
-        self._computations = computations
-        self._slots = slots
+        self._pool = pool
         self._limits = limits
-        self._wake = wake
-        self._runs: list[ChildRun] = []
+        self._runs: list[PoolRun] = []
         self._waiting = Waiting()
         self._waits_since = 0.0
         """When a child last began something, or a job last began to wait."""
         self._leases = Leases(store, limits.lease_seconds)
         self._results = Results(store, limits, outlook)
-        self._batch_sizes = BatchSizes(BatchSize(), slots, limits.lease_seconds)
+        self._batch_sizes = BatchSizes(BatchSize(), pool.places, limits.lease_seconds)
         self._shares = LaneShares(random.random())
         self._is_dry = False
         """Nothing was left in the queue when results were stored, a moment ago."""
@@ -130,14 +103,16 @@ class Runner:
         if not refill:
             self._return_waiting()
         finished: list[str] = []
-        for run in [run for run in self._runs if run.future.done()]:
-            if refill and self._waiting and not run.is_followed:
+        for run in [run for run in self._runs if run.batch.has_ended]:
+            # Its place may be gone.
+            follows = refill and not run.is_followed and self._free() >= 0
+            if follows and self._waiting:
                 run.is_followed = True
                 self._start(self._next_waiting())
             # Removed only after the commit: during an outage of the database the results are kept here.
-            then_take = int(refill and not run.is_followed and not self._waiting)
+            then_take = int(follows and not run.is_followed and not self._waiting)
             starved = self._shares.starved()[:then_take]
-            if run.ledger is None:
+            if run.is_alone:
                 claimed = self._finish_alone(run, then_take, starved)
             else:
                 claimed = self._finish_batch(run, then_take, starved)
@@ -155,24 +130,22 @@ class Runner:
             return
         self._watch_at = time.monotonic() + WATCH_SECONDS
         claims = [*self._waiting, *(claim for run in self._runs for claim in run.held)]
-        held = self._store.held(claims)
-        self._waiting.keep(lambda claim: self._holds(claim, held))
+        held = self._leases.keep(claims)
+        self._waiting.keep(lambda claim: claim.job_id in held)
         for run in list(self._runs):
-            run.lost |= {claim.job_id for claim in run.held if not self._holds(claim, held)}
+            run.lost |= {claim.job_id for claim in run.held} - held
             if run.is_in_vain:
                 self._drop(run)
-            elif run.is_untaken and time.monotonic() > run.started_by:
-                self._sandbox.renew(run.future)
+            elif run.batch.is_stuck:
+                run.batch.kill()
                 for claim in run.held:
-                    logger.warning(
-                        "job %s attempt %d: no child has taken it",
-                        claim.job_id,
-                        claim.attempt,
-                        extra=extra_of(claim),
-                    )
-                    retries = self._limits.retries()
-                    self._store.lose(claim, "no child took it", has_begun=False, **retries)
+                    said = "job %s attempt %d: no child has taken it"
+                    logger.warning(said, claim.job_id, claim.attempt, extra=extra_of(claim))
+                self._store.give_back_all(run.held, _STUCK)
                 self._remove(run)
+            elif run.is_to_be_noted:
+                self._store.note_begun(run.claims[0])
+                run.is_noted = True
             elif run.is_slow(time.monotonic() - WATCH_SECONDS - BATCH_SECONDS):
                 self._take_back(run)
         if self._waiting and time.monotonic() > self._waits_since + WATCH_SECONDS + BATCH_SECONDS:
@@ -190,9 +163,8 @@ class Runner:
     def give_back(self) -> None:
         """Kill the children and queue their jobs again."""
         for run in self._runs:
-            run.future.cancel()
+            run.batch.kill()
             self._store.give_back_all(run.held, _STOPPED)
-            run.close()
         self._runs.clear()
         self._return_waiting()
 
@@ -206,71 +178,40 @@ class Runner:
         returned = {claim.job_id for claim in claims}
         self._waiting.keep(lambda claim: claim.job_id not in returned)
         for claim in claims:
-            self._forget(claim)
+            self._waiting.forget(claim.job_id)
         self._is_dry = False
-
-    def _holds(self, claim: Claim, held: frozenset[str]) -> bool:
-        """Say whether a claim holds; its lease is renewed if it is due."""
-        holds = self._leases.still_holds(claim, held)
-        if not holds:
-            self._forget(claim)
-        return holds
 
     def _wait(self, claims: Sequence[Claim]) -> None:
         self._waiting.add(claims)
         self._waits_since = time.monotonic()
-        self._leases.begin(claims)
 
     def _free(self) -> int:
-        """Return how many children have nothing to do; one may have been given another call already."""
-        return self._slots - sum(not run.is_followed for run in self._runs)
+        """Return how many places are free; one may have been given another call already."""
+        return self._pool.places() - sum(not run.is_followed for run in self._runs)
 
     def _start(self, claims: tuple[Claim, ...], starved: Sequence[Lane] = ()) -> None:
-        compute = self._computations[claims[0].kind]
-        seconds = self._limits.job_seconds
-        ledger = None if len(claims) == 1 else Ledger()
-        if ledger is None:
-            (claim,) = claims
-            future: Future[Any] = self._sandbox.submit(
-                call_about, self._told(claim), compute, *_arguments(claim), seconds=seconds
-            )
-        else:
-            calls: Sequence[Call] = [(self._told(claim), _arguments(claim)) for claim in claims]
-            # The last job of a batch begins within that time, and may take as long as one that is alone.
-            future = self._sandbox.submit(
-                compute_in_turn, ledger.path, BATCH_SECONDS, compute, calls, seconds=seconds + BATCH_SECONDS
-            )
-        now = self._waits_since = time.monotonic()
-        run = ChildRun(claims, tuple(starved), future, ledger, now, now + START_SECONDS)
-        self._runs.append(run)
-        self._leases.begin(claims)
+        calls = [(self._told(claim), _arguments(claim)) for claim in claims]
+        batch = self._pool.start(
+            claims[0].kind, calls, seconds=self._limits.job_seconds, turn_seconds=BATCH_SECONDS
+        )
+        self._waits_since = time.monotonic()
+        self._runs.append(PoolRun(claims, tuple(starved), batch, is_alone=len(claims) == 1))
         for claim in claims:
             self._shares.begin(claim.lane)
-
-        def ended(_: Future[Any]) -> None:
-            run.ended_at = time.monotonic()
-            self._wake()
-
-        future.add_done_callback(ended)
 
     def _told(self, claim: Claim) -> Mapping[str, object]:
         return {**fields_of(claim), "worker": self._name}
 
-    def _remove(self, run: ChildRun) -> None:
+    def _remove(self, run: PoolRun) -> None:
         """Remove a run that has ended; those of its jobs that wait again keep their claims."""
         self._runs.remove(run)
-        run.close()
-        seconds = (time.monotonic() - run.began_at) / len(run.claims)
+        seconds = (time.monotonic() - run.batch.began_at) / len(run.claims)
         for claim in run.claims:
             self._shares.end(claim.lane, seconds, was_starved=claim.lane in run.starved)
         waiting = {claim.job_id for claim in self._waiting}
         for claim in run.claims:
             if claim.job_id not in waiting:
-                self._forget(claim)
-
-    def _forget(self, claim: Claim) -> None:
-        self._leases.forget(claim)
-        self._waiting.forget(claim.job_id)
+                self._waiting.forget(claim.job_id)
 
     def _begin(self, claimed: ClaimedJobs, starved: Sequence[Lane], children: int) -> tuple[str, ...]:
         """Start the jobs to compute; return the ids of those solved already. ``starved`` lanes came first.
@@ -295,42 +236,45 @@ class Runner:
     def _next_waiting(self) -> tuple[Claim, ...]:
         return self._waiting.next(self._batch_sizes.share(len(self._waiting)))
 
-    def _drop(self, run: ChildRun) -> None:
+    def _drop(self, run: PoolRun) -> None:
         """Kill a child that computes what nobody waits for; its other jobs are computed again."""
-        run.future.cancel()
+        run.batch.kill()
         self._wait(run.held)
         self._remove(run)
 
-    def _take_back(self, run: ChildRun) -> None:
+    def _take_back(self, run: PoolRun) -> None:
         """Queue the jobs again that wait behind a long one of their batch: others may compute them."""
-        assert run.ledger is not None
-        begun = run.ledger.stop()
+        begun = run.batch.stop()
         self._batch_sizes.size.reset()
         self._is_dry = False
         behind = run.claims[begun:]
         self._store.give_back_all([claim for claim in behind if claim.job_id not in run.lost], _SLOW)
         run.claims = run.claims[:begun]
         for claim in behind:
-            self._forget(claim)
+            self._waiting.forget(claim.job_id)
             self._shares.end(claim.lane, 0.0, was_starved=claim.lane in run.starved)
 
-    def _finish_alone(self, run: ChildRun, then_take: int, starved: Sequence[Lane]) -> ClaimedJobs | None:
+    def _finish_alone(self, run: PoolRun, then_take: int, starved: Sequence[Lane]) -> ClaimedJobs | None:
         (claim,) = run.claims
         with about(**fields_of(claim)):
             if claim.kind is JobKind.SOLVE:
-                self._batch_sizes.size.learn(1, (run.ended_at or time.monotonic()) - run.began_at)
-            return self._results.store(
-                claim, lambda: result_of(run.future), then_take, self._batch_sizes.terms(starved)
-            )
+                self._batch_sizes.size.learn(1, run.batch.ended_at - run.batch.began_at)
+            try:
+                (outcome,) = run.batch.outcomes()
+            except (Exception, CancelledError) as fault:
+                self._results.record(claim, fault, has_begun=run.batch.begun > 0)
+                return None
+            assert outcome is not None
+            return self._results.store(claim, outcome, then_take, self._batch_sizes.terms(starved))
 
-    def _finish_batch(self, run: ChildRun, then_take: int, starved: Sequence[Lane]) -> ClaimedJobs | None:
+    def _finish_batch(self, run: PoolRun, then_take: int, starved: Sequence[Lane]) -> ClaimedJobs | None:
         try:
-            outcomes: list[SolveOutcome | None] = result_of(run.future)
+            outcomes = run.batch.outcomes()
         except (Exception, CancelledError) as fault:
             self._break_up(run, fault)
             return None
-        computed = zip(run.claims, outcomes, strict=False)
-        ended = [(claim, o) for claim, o in computed if o is not None and claim.job_id not in run.lost]
+        computed = [(c, o) for c, o in zip(run.claims, outcomes, strict=False) if isinstance(o, _SOLVES)]
+        ended = [(claim, outcome) for claim, outcome in computed if claim.job_id not in run.lost]
         done = {claim.job_id for claim, _ in ended}
         again = [claim for claim in run.held if claim.job_id not in done]
         suspects = [c for c, o in zip(run.claims, outcomes, strict=False) if o is None]
@@ -343,14 +287,17 @@ class Runner:
         if suspects:
             self._batch_sizes.size.reset()
         elif outcomes:
-            self._batch_sizes.size.learn(len(outcomes), (run.ended_at or time.monotonic()) - run.began_at)
+            self._batch_sizes.size.learn(len(outcomes), run.batch.ended_at - run.batch.began_at)
         return claimed
 
-    def _break_up(self, run: ChildRun, fault: BaseException) -> None:
+    def _break_up(self, run: PoolRun, fault: BaseException) -> None:
         """Blame the job that its child was computing, and compute the others of the batch again."""
+        if isinstance(fault, ReturnedError):
+            self._store.give_back_all(run.held, str(fault))
+            return
         current = run.current
         is_known = isinstance(fault, SandboxCrashError | SandboxTimeoutError)
-        has_begun = run.begun > 0
+        has_begun = run.batch.begun > 0
         blamed = [claim for claim in run.held if is_known and (claim is current or not has_begun)]
         for claim in blamed:
             self._results.record(claim, fault, has_begun=has_begun)

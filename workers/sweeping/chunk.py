@@ -15,12 +15,12 @@ from service.dynamics.problem import PlanarMotion
 from service.jobs.kernels import NeedsKernelsError
 from service.jobs.records import ChunkOutcome
 from service.schemas.problem.problem import read_problem
-from service.schemas.sweep.sweep import Sweep, trusted_sweep
+from service.schemas.sweep.sweep import FEW, Sweep, trusted_sweep
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from service.verdicts.cached import ResultCache
 from workers.computation.compiled_code import GROUPS, keep_compiled_code, way_for
 from workers.solvers.ways import NotReadyError, Way, on_way
-from workers.sweeping.plan import FEW, Plan, make_plan, plan_varying
+from workers.sweeping.plan import Plan, make_plan, plan_varying
 
 if TYPE_CHECKING:
     from workers.sweeping.planar.block import BlockSolver

@@ -13,12 +13,12 @@ from flint import fmpq
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.monomials import NotAMonomialSumError
 from service.dynamics.potentials.potential import NoClosedFormError
-from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
+from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.verdict.proofs.power_sums import judge_power_sum
 from service.dynamics.verdict.simple_form import is_simplified, simplified
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
-from service.schemas.sweep.sweep import Sweep, SweepAxis
+from service.schemas.sweep.sweep import Sweep, keeps_further
 from workers.computation.outputs import takes_doubles
 from workers.solvers.choose import compiled_tier
 from workers.sweeping.parameters.coefficients import coefficients_of
@@ -29,24 +29,12 @@ from workers.sweeping.parameters.family import (
     prove_family,
     smooth_poles,
 )
-from workers.sweeping.planar.outputs import keeps_further
 from workers.sweeping.planar.records import CompiledPlan, Side
 
 if TYPE_CHECKING:
     from workers.sweeping.planar.by_roots import RationalFamily
     from workers.sweeping.varying_body.block import VaryingPlan
 
-_CURVE_FIELDS = ("lambda", "nu")
-FEW = (
-    ("motion", "window"),
-    ("motion", "g1_sign"),
-    ("motion", "g3_sign"),
-    ("motion", "start", "s_sign"),
-    ("motion", "start", "g2_sign"),
-)
-"""Numbers that have few values."""
-_TIME_FIELDS = ("start", "stop", "periods")
-_START, _MOMENT = ("motion", "start", "g1"), ("body", "B")
 CHECKED_CORNERS = 16
 """Points of a sweep whose formulas are looked at before blocks are planned."""
 _PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
@@ -79,15 +67,15 @@ def make_plan(sweep: Sweep) -> Plan:
     * by the tiers ``draft``, ``standard`` and ``high``, or a tolerance that one of them keeps.
     """
     problem, potential = sweep.first_problem, sweep.base["potential"]
-    if are_states(sweep):
+    if sweep.are_states:
         return Plan(sweep, is_judged=False, compiled=None, states=True)
     if not isinstance(problem.motion, PlanarMotion) or not isinstance(potential, dict):
         return Plan(sweep, is_judged=False, compiled=None)
     if not _is_solved_as_stated(sweep):
         return Plan(sweep, is_judged=False, compiled=None)
-    moves_body = any(axis.path[0] == "body" for axis in sweep.axes if axis.path != _MOMENT)
-    moves_body |= any(axis.path == _MOMENT for axis in sweep.axes) and has_symbol(potential, "B")
-    axes = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
+    moves_body = any(axis.varies == "body" for axis in sweep.axes)
+    moves_body |= any(axis.varies == "moment" for axis in sweep.axes) and has_symbol(potential, "B")
+    axes = tuple(k for k, axis in enumerate(sweep.axes) if axis.varies == "potential")
     paths = tuple(sweep.axes[k].path[1:] for k in axes)
     first = [sweep.axes[k].axis.value(0) for k in axes]
     coefficients = None if moves_body else coefficients_of(problem.body, potential, paths, first)
@@ -100,8 +88,8 @@ def make_plan(sweep: Sweep) -> Plan:
     if not _may_be_compiled(sweep, problem) or sides is None:
         return Plan(sweep, is_judged=True, compiled=None)
     curve, start, moment = (
-        next((k for k, axis in enumerate(sweep.axes) if is_it(axis)), None)
-        for is_it in (_is_of_curve, _is_of_start, _is_of_moment)
+        next((k for k, axis in enumerate(sweep.axes) if axis.varies == kind), None)
+        for kind in ("curve", "start", "moment")
     )
     poles = smooth_poles(problem.body, family, problem.motion)
     compiled = CompiledPlan(
@@ -121,48 +109,18 @@ def make_plan(sweep: Sweep) -> Plan:
     return Plan(sweep, is_judged=True, compiled=compiled)
 
 
-def are_states(sweep: Sweep) -> bool:
-    """Tell whether a sweep's points are motions from any state that :mod:`.states` takes.
-
-    It varies nothing but states, moments and the potential's numbers, and asks for no outputs but period,
-    gamma and omega, by an absolute tolerance or a tier of doubles.
-    """
-    problem = sweep.first_problem
-    return (
-        isinstance(problem.motion, StateMotion)
-        and not isinstance(problem.time, TimePeriods)
-        and problem.accuracy.tier != "certified"
-        and problem.accuracy.budget_seconds is None
-        and problem.accuracy.measure != "relative"
-        and set(problem.outputs) <= _PLAIN_OUTPUTS - {"invariants"}
-        and all(position_in_state(axis.path) is not None or _is_of_potential(axis) for axis in sweep.axes)
-    )
-
-
-def position_in_state(path: Sequence[str]) -> int | None:
-    """Return which of p, q, r, g1, g2, g3, A, B, C an axis varies; None for what is none of them."""
-    match path:
-        case ("motion", ("omega" | "gamma") as vector, ("0" | "1" | "2") as index):
-            return 3 * ("omega", "gamma").index(vector) + int(index)
-        case ("body", ("A" | "B" | "C") as moment):
-            return 6 + "ABC".index(moment)
-    return None
-
-
 def _may_be_compiled(sweep: Sweep, problem: Problem, moments: Sequence[str] = ("B",)) -> bool:
     return (
         problem.method == "auto"
         and _are_quick(sweep, problem)
         and compiled_tier(problem) is not None
         and isinstance(problem.motion, PlanarMotion)
-        and not (keeps_further(sweep.keep) and any(map(_is_of_moment, sweep.axes)))
+        and not (keeps_further(sweep.keep) and any(axis.varies == "moment" for axis in sweep.axes))
         and (problem.wants_series or "invariants" not in problem.outputs)
         and all(
-            _is_of_curve(axis)
-            or _is_of_potential(axis)
-            or _is_of_start(axis)
+            axis.varies in ("curve", "potential", "start")
             or (axis.path[0] == "body" and axis.path[1] in moments)
-            or (_is_of_time(axis) and compiled_tier(problem) != "high")
+            or (axis.varies == "time" and compiled_tier(problem) != "high")
             for axis in sweep.axes
         )
     )
@@ -198,7 +156,7 @@ def _sides(
 
 def _motions(sweep: Sweep, motion: PlanarMotion) -> list[PlanarMotion]:
     """Return a motion for each sign of g1 that the sweep may have."""
-    if motion.nu is not None and any(_is_of_curve(axis) for axis in sweep.axes):
+    if motion.nu is not None and any(axis.varies == "curve" for axis in sweep.axes):
         return [replace(motion, nu=Fraction(sign)) for sign in (1, -1)]
     return [motion]
 
@@ -211,27 +169,7 @@ def _rational(problem: Problem, family: SweepFamily, motion: PlanarMotion) -> "R
 
 
 def _times(sweep: Sweep) -> dict[str, int]:
-    return {axis.path[1]: index for index, axis in enumerate(sweep.axes) if _is_of_time(axis)}
-
-
-def _is_of_time(axis: SweepAxis) -> bool:
-    return len(axis.path) == 2 and axis.path[0] == "time" and axis.path[1] in _TIME_FIELDS
-
-
-def _is_of_potential(axis: SweepAxis) -> bool:
-    return axis.path[0] == "potential"
-
-
-def _is_of_curve(axis: SweepAxis) -> bool:
-    return len(axis.path) == 2 and axis.path[0] == "motion" and axis.path[1] in _CURVE_FIELDS
-
-
-def _is_of_start(axis: SweepAxis) -> bool:
-    return axis.path == _START
-
-
-def _is_of_moment(axis: SweepAxis) -> bool:
-    return axis.path == _MOMENT
+    return {axis.path[1]: index for index, axis in enumerate(sweep.axes) if axis.varies == "time"}
 
 
 def _is_judged_alone(problem: Problem) -> bool:
@@ -289,14 +227,14 @@ def plan_varying(sweep: Sweep) -> "VaryingPlan | None":
     from workers.sweeping.varying_body.block import VaryingPlan  # noqa: PLC0415
     from workers.sweeping.varying_body.models import model_of  # noqa: PLC0415
 
-    axes = tuple(k for k, axis in enumerate(sweep.axes) if _is_of_potential(axis))
+    axes = tuple(k for k, axis in enumerate(sweep.axes) if axis.varies == "potential")
     paths = tuple(sweep.axes[k].path[1:] for k in axes)
     model = model_of(potential, paths, frozenset(moments))
     if model is None or not _is_solved_as_stated(sweep) or not _is_judged_alone(problem):
         return None
     curve, start = (
-        next((k for k, axis in enumerate(sweep.axes) if is_it(axis)), None)
-        for is_it in (_is_of_curve, _is_of_start)
+        next((k for k, axis in enumerate(sweep.axes) if axis.varies == kind), None)
+        for kind in ("curve", "start")
     )
     motions: dict[int, PlanarMotion] = {each.sign_of_g1: each for each in _motions(sweep, motion)}
     needs_double = motion.nu is not None or potential.get("type") == "rational"

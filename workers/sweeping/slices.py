@@ -17,8 +17,8 @@ from service.dynamics.exact import exact_number
 from service.dynamics.sweep_axes import ListedAxis
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError, Part, with_values
-from service.schemas.sweep.sweep import Sweep, SweepAxis, json_number
-from workers.sweeping.plan import FEW, make_plan
+from service.schemas.sweep.sweep import FEW, Sweep, SweepAxis, json_number
+from workers.sweeping.plan import make_plan
 from workers.sweeping.planar.block import BlockSolver
 from workers.sweeping.planar.records import SolvedBlock
 

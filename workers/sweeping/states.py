@@ -46,7 +46,6 @@ from workers.solvers.integration.programs import SharedGradient, shared_gradient
 from workers.solvers.integration.solve import run_request_of, tolerances
 from workers.sweeping.parameters.family import has_symbol
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
-from workers.sweeping.plan import position_in_state
 from workers.sweeping.planar.records import SolvedBlock, printed_errors
 from workers.sweeping.varying_body.models import model_of
 from workers.sweeping.varying_body.templates import (
@@ -189,7 +188,7 @@ class StateSolver:
         self._sweep, self._problem = sweep, problem
         self._names = [name for name in sweep.series_columns if name != "t"]
         self._columns = [COLUMNS.index(name) for name in self._names]
-        self._positions = [position_in_state(axis.path) for axis in sweep.axes]
+        self._positions = [axis.position_in_state for axis in sweep.axes]
         self._moves_gamma = any(index in (3, 4, 5) for index in self._positions)
         self._known = [listed_exactly(axis) for axis in sweep.axes]
         self._times = sample_times(problem.time, None)

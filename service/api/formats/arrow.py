@@ -77,6 +77,8 @@ _TYPES = {
     "integer": pa.int64,
     "number": pa.float64,
     "word": pa.string,
+    "instant": lambda: pa.timestamp("us", tz="UTC"),
+    "truth": pa.bool_,
     "series": lambda: pa.list_(pa.float64()),
 }
 

@@ -13,8 +13,8 @@ from service.jobs.records import SweepRecord
 from service.schemas.reading.documents import Document
 from service.versions import version_of
 
-ColumnKind = Literal["integer", "number", "word", "series"]
-"""The values of a column of points; NaN becomes null, and so does a series of NaN only."""
+ColumnKind = Literal["integer", "number", "word", "series", "instant", "truth"]
+"""The values of a column; NaN becomes null, and so does a series of NaN only."""
 
 
 class Sink(io.RawIOBase):

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from service.api.formats.columns import ColumnKind, Sink, units_of
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Part, instant_text
 
 POINTS, DOCUMENT, DESCRIPTOR = "points.parquet", "sweep.json", "datapackage.json"
 PROFILE = "https://datapackage.org/profiles/2.0/datapackage.json"
@@ -83,7 +83,7 @@ class _Archive:
                 "name": f"polhode-sweep-{about.sweep}",
                 "id": f"urn:uuid:{about.sweep}",
                 "title": "Motions of a rigid body about a fixed point: a sweep over numbers of one problem",
-                "created": about.finished_at.isoformat(),
+                "created": instant_text(about.finished_at),
                 "provenance": about.provenance,
                 "resources": [
                     {

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from urllib.parse import quote
 
 from service.jobs.records import Attempt, AttemptOutcome
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Part, instant_text
 from service.schemas.replies.solution import ProvenanceGraphOut, Records
 from service.storage.solutions.origin import SolutionOrigin
 
@@ -53,7 +53,7 @@ def provenance_graph(origin: SolutionOrigin) -> ProvenanceGraphOut:
     }
     graph.entities[solution] = {
         "prov:type": "polhode:Solution",
-        "polhode:created_at": origin.solution.created_at.isoformat(),
+        "polhode:created_at": instant_text(origin.solution.created_at),
         **{
             f"polhode:{name}": summary[name]
             for name in ("method", "tier", "error")
@@ -108,10 +108,10 @@ def _attempt(graph: _Graph, origin: SolutionOrigin, attempt: Attempt, versions: 
     worker = _name("worker", attempt.worker)
     attributes: dict[str, object] = {
         "prov:type": "polhode:Computation",
-        "prov:startTime": attempt.started_at.isoformat(),
+        "prov:startTime": instant_text(attempt.started_at),
     }
     if attempt.ended_at is not None:
-        attributes["prov:endTime"] = attempt.ended_at.isoformat()
+        attributes["prov:endTime"] = instant_text(attempt.ended_at)
     if attempt.outcome is not None:
         attributes["polhode:outcome"] = attempt.outcome.value
     if attempt.outcome is AttemptOutcome.SUCCEEDED:

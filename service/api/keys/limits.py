@@ -100,8 +100,8 @@ class LimitGuard:
             raise _too_many("too_many_requests", refusal, wait, headers)
         return headers
 
-    def reserve_jobs(self, key: ApiKey | None, count: int = 1) -> None:
-        """Admit ``count`` jobs to the queue.
+    def reserve_jobs(self, key: ApiKey | None, count: int = 1, *, is_estimate: bool = False) -> None:
+        """Admit ``count`` jobs to the queue; an estimate is admitted likewise, and takes no place.
 
         Raises
         ------
@@ -109,11 +109,16 @@ class LimitGuard:
             429: too many jobs are queued or running, or too much is stored.
         """
         self._reserve(
-            key, count, lambda known, _: f"{known} jobs are queued or running, and {count} more were sent"
+            key,
+            count,
+            lambda known, _: f"{known} jobs are queued or running, and {count} more were sent",
+            is_estimate=is_estimate,
         )
 
-    def reserve_points(self, key: ApiKey | None, points: int) -> None:
-        """Admit a sweep to the queue; :data:`~service.jobs.records.POINTS_PER_JOB` points count as a job.
+    def reserve_points(self, key: ApiKey | None, points: int, *, is_estimate: bool = False) -> None:
+        """Admit a sweep, or an estimate of it, which takes no place.
+
+        :data:`~service.jobs.records.POINTS_PER_JOB` points count as a job.
 
         Raises
         ------
@@ -129,9 +134,11 @@ class LimitGuard:
                 f"more ({POINTS_PER_JOB} points as one job); a sweep of {room} points would be accepted now"
             )
 
-        self._reserve(key, count, why)
+        self._reserve(key, count, why, is_estimate=is_estimate)
 
-    def _reserve(self, key: ApiKey | None, count: int, why: Callable[[int, int], str]) -> None:
+    def _reserve(
+        self, key: ApiKey | None, count: int, why: Callable[[int, int], str], *, is_estimate: bool
+    ) -> None:
         self._check_storage(key)
         own = None if key is None else key.max_queued_jobs
         limit = self._settings.max_queued_jobs if own is None else own
@@ -143,8 +150,10 @@ class LimitGuard:
                 known = self._counts[_id(key)] = _Count(jobs, now)
             if known.jobs + count > limit:
                 detail = f"{why(known.jobs, limit)}; at most {limit} are accepted"
-                raise _too_many("too_many_queued_jobs", detail, QUEUE_RETRY_SECONDS)
-            known.jobs += count
+                # What an empty queue would refuse has to be asked for in parts.
+                extras = {"exceeds_limit": True} if count > limit else {}
+                raise _too_many("too_many_queued_jobs", detail, QUEUE_RETRY_SECONDS, extras=extras)
+            known.jobs += 0 if is_estimate else count
 
     def _check_storage(self, key: ApiKey | None) -> None:
         if key is None:
@@ -183,9 +192,15 @@ def _too_many_samples(pointer: str, samples: int, settings: Settings) -> Fault:
     return Fault(pointer, "out_of_range", f"{samples} samples; 1 to {settings.max_samples} are accepted here")
 
 
-def _too_many(code: str, detail: str, seconds: float, headers: Mapping[str, str] = {}) -> ApiError:
+def _too_many(
+    code: str,
+    detail: str,
+    seconds: float,
+    headers: Mapping[str, str] = {},
+    extras: Mapping[str, object] = {},
+) -> ApiError:
     headers = {"Retry-After": str(math.ceil(seconds)), **headers}
-    return ApiError(HTTPStatus.TOO_MANY_REQUESTS, code, detail, headers=headers)
+    return ApiError(HTTPStatus.TOO_MANY_REQUESTS, code, detail, headers=headers, extras=extras)
 
 
 def _id(key: ApiKey | None) -> str | None:

@@ -5,7 +5,7 @@ thousand clients may ask for one in the same moment: few of these answers begin 
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from functools import partial, wraps
 from typing import Any, ParamSpec, TypeVar  # Any: the send type of a coroutine, which is not used
 
@@ -15,11 +15,17 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.dependencies import Resources
+from service.api.formats.lists import Found, ListedRows, media_type_of
+from service.api.formats.negotiation import JSON
 from service.api.heavy_reads import Reader
 from service.api.middleware.caching import is_head
 from service.api.middleware.security import holder_of
-from service.api.queries.lists import Listing
+from service.api.queries.lists import NEWEST_FIRST, AnyAsking, Listing, read_listing
+from service.api.queries.queries import Asked
+from service.api.replies.errors import ApiError
 from service.api.replies.responses import PART_BYTES, PiecedAnswer, size_of
+from service.schemas.query.conditions import Condition, OrderKey
+from service.storage.searching.sources import Source, with_names
 
 T = TypeVar("T")
 
@@ -95,13 +101,33 @@ async def made_in_a_slot(request: Request, inside: Resources, make: Callable[[],
     return _Counted(answer, await while_connected(request, reads.hold(reader, size_of(answer))))
 
 
-async def listed(
-    request: Request, inside: Resources, listing: Listing, make: Callable[[], Response]
-) -> Response:
-    """Return a page of a list: in a slot of heavy reads if its conditions or its order may take long."""
+async def read_list(
+    inside: Resources,
+    asked: Asked[AnyAsking],
+    source: Source,
+    *,
+    conditions: Sequence[Condition] = (),
+    order: tuple[OrderKey, ...] = NEWEST_FIRST,
+) -> Listing:
+    """Return the list that is asked for, as :func:`read_listing`; names it does not know are looked up."""
+    # What is wrong is told without a thread, of which a slow database may leave none.
+    read = partial(read_listing, asked, conditions=conditions, order=order)
+    try:
+        return read(source)
+    except ApiError as refusal:
+        if all(fault.code != "unknown_column" for fault in refusal.faults):
+            raise
+    return await run_in_threadpool(lambda: read(with_names(inside.database, source)))
+
+
+async def listed(request: Request, inside: Resources, listing: Listing, rows: ListedRows[Found]) -> Response:
+    """Return a list: in a slot of heavy reads if it is a stream, or its conditions or order may take long."""
     query = listing.query
     if query.is_estimated:
         return listing.estimate()
+    make = partial(rows.answer, request, listing)
+    if media_type_of(listing.format, request.headers.get("accept")) != JSON:
+        return await made_in_a_slot(request, inside, make)
     is_quick = all(each.subject.name in _INDEXED for each in query.conditions)
     is_by_age = all(key.subject.name in _AGE for key in query.order)
     is_bounded = not query.is_counted or query.count_limit is not None

@@ -17,8 +17,11 @@ logger = logging.getLogger(__name__)
 
 RATE = "rate"
 """In the state of a request: the headers that tell of the limit of requests."""
+ECHO = "Polhode-Echo"
+"""Header that is returned as it was sent. Ids do not tell whose an answer is: proxies set them."""
 
 _SANE_ID = re.compile(r"[A-Za-z0-9._:-]{1,128}")
+_ABSOLUTE = re.compile(r"https?://(?P<authority>[^/?#@\s]+)", re.ASCII | re.IGNORECASE)
 _METHODS = frozenset({"GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"})
 _QUIET = ("/livez", "/readyz", "/metrics")
 """Polled often by machines, so logged less."""
@@ -35,8 +38,12 @@ class Observation:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        request_id = _id_of(Headers(scope=scope))
+        _read_absolute_form(scope)
+        sent = Headers(scope=scope)
+        request_id = _id_of(sent)
         scope.setdefault("state", {})["request_id"] = request_id
+        if _SANE_ID.fullmatch(echo := sent.get(ECHO, "")):
+            scope["state"][ECHO] = {ECHO: echo}
         status = 500  # an unhandled error: an outer layer makes the answer
         began = time.perf_counter()
 
@@ -54,12 +61,24 @@ class Observation:
                 _observe(scope, status, time.perf_counter() - began)
 
 
+def _read_absolute_form(scope: Scope) -> None:
+    """Read a target such as ``http://host/v1/jobs``, whose authority replaces Host (RFC 9112, 3.2.2)."""
+    found = _ABSOLUTE.match(scope["path"])
+    if found is None:
+        return
+    scope["path"] = scope["path"][found.end() :] or "/"
+    raw = scope.get("raw_path") or b""
+    scope["raw_path"] = raw[found.end() :] or b"/"
+    headers = [(name, value) for name, value in scope["headers"] if name != b"host"]
+    scope["headers"] = [*headers, (b"host", found["authority"].encode())]
+
+
 def standing_headers(scope: Scope) -> dict[str, str]:
-    """Return the headers of every answer: who answers, the request's id, and what the rate limit leaves."""
+    """Return the headers of every answer: who answers to which request, and what the rate limit leaves."""
     state = scope.get("state", {})
     request_id = state.get("request_id")
     named = {} if request_id is None else {REQUEST_ID: request_id}
-    return {"Server": server_name(), **named, **state.get(RATE, {})}
+    return {"Server": server_name(), **named, **state.get(ECHO, {}), **state.get(RATE, {})}
 
 
 def id_of(request: Request) -> str | None:

@@ -85,13 +85,13 @@ _MAX_AGE_SECONDS = 600
 _METHODS = "GET, HEAD, POST, PATCH, DELETE, OPTIONS"
 _SENT = (
     "Accept, Authorization, Content-Encoding, Content-Type, Idempotency-Key, If-None-Match, Last-Event-ID,"
-    " Prefer, X-Request-ID"
+    " Polhode-Echo, Prefer, X-Request-ID"
 )
 # A wildcard would leave out Authorization, and older browsers do not know it.
 _SHOWN = (
-    "Content-Disposition, ETag, Idempotency-Replayed, Link, Location, Polhode-Deviation, Polhode-Error,"
-    " Polhode-Points, Polhode-Points-Done, Polhode-Samples, Preference-Applied, RateLimit, RateLimit-Policy,"
-    " Retry-After, Server, X-Request-ID"
+    "Content-Disposition, ETag, Idempotency-Replayed, Link, Location, Polhode-Deviation, Polhode-Echo,"
+    " Polhode-Error, Polhode-Points, Polhode-Points-Done, Polhode-Samples, Preference-Applied, RateLimit,"
+    " RateLimit-Policy, Retry-After, Server, X-Request-ID"
 )
 
 

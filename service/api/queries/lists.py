@@ -3,21 +3,20 @@
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import Literal, Protocol, TypeVar
+from typing import Literal, TypeVar
 from urllib.parse import urlencode
 
 from fastapi import Request, Response
 from pydantic import Field
 
 from service.api.queries.cursors import InvalidCursorError, cursor_of, place_of
-from service.api.queries.queries import Asked, QueryModel, refuse_if_any
+from service.api.queries.queries import FORMAT_HELP, Asked, FormatName, QueryModel, refuse_if_any
 from service.api.replies.responses import json_response
 from service.jobs.records import JobState
 from service.schemas.query.conditions import ID, Condition, Kind, ListQuery, OrderKey, Subject, Value
 from service.schemas.query.reading import read_columns, read_order, read_where
-from service.schemas.reading.documents import Fault
+from service.schemas.reading.documents import Fault, instant_text
 from service.schemas.replies.analysis import QueryEstimateOut, SlowPart
-from service.schemas.replies.response_model import ResponseModel
 from service.storage.database.database import SEARCH_SECONDS
 from service.storage.searching.narrowing import slow_parts
 from service.storage.searching.sources import Source
@@ -37,6 +36,8 @@ ESTIMATE = (
 
 COUNTED_AT_ONCE = 10_000
 """Rows that are counted in some milliseconds."""
+MOST_ITEMS = 200
+"""Items on a page of JSON."""
 FARTHEST = 10**9
 """Rows that a request may leave out, or ask for, at most: more than any list has."""
 
@@ -54,7 +55,12 @@ class AskingQuery(QueryModel):
         default=None,
         description="Items hold these facts only, such as `id,period,/motion/lambda`; null where none is.",
     )
-    limit: int = Field(default=50, ge=1, le=200, description="Items on a page at most.")
+    limit: int = Field(
+        default=50,
+        ge=1,
+        le=FARTHEST,
+        description=f"Items on a page of JSON, {MOST_ITEMS} at most; rows of other formats, all if left out.",
+    )
     offset: int = Field(default=0, ge=0, le=FARTHEST, description="Items to leave out first.")
     after: str | None = Field(
         default=None,
@@ -67,6 +73,7 @@ class AskingQuery(QueryModel):
         f" {COUNTED_AT_ONCE:,} rows, it is null if this is left out.",
     )
     estimate: bool = Field(default=False, description=ESTIMATE)
+    format: FormatName | None = Field(default=None, description=FORMAT_HELP)
 
 
 AnyAsking = TypeVar("AnyAsking", bound=AskingQuery)
@@ -84,9 +91,12 @@ class Listing:
 
     source: Source
     query: ListQuery
+    format: FormatName | None = None
+    most: int | None = None
+    """Rows of a stream at most."""
 
     def next_page(self, request: Request, place: Sequence[Value | None] | None) -> str | None:
-        """Return path and query of the page that begins after ``place``, None if there is none."""
+        """Return the query of the page that begins after ``place``, None if there is none."""
         if place is None:
             return None
         return next_page(request, cursor_of(self.source.name, self.query, place))
@@ -106,44 +116,14 @@ class Listing:
 
 
 def next_page(request: Request, cursor: str) -> str:
-    """Return path and query of the same request after a cursor."""
+    """Return the query of the same request after a cursor, which holds behind any proxy."""
     kept = [(k, v) for k, v in request.query_params.multi_items() if k not in ("after", "offset")]
-    return f"{request.url.path}?{urlencode([*kept, ('after', cursor)])}"
+    return f"?{urlencode([*kept, ('after', cursor)])}"
 
 
 def link_to(next_page: str | None) -> dict[str, str]:
     """Return the header that leads to the next page (RFC 8288)."""
     return {} if next_page is None else {"Link": f'<{next_page}>; rel="next"'}
-
-
-class _Found(Protocol):
-    """One page of some list, as a store has found it."""
-
-    @property
-    def total(self) -> int | None: ...
-    @property
-    def values(self) -> Sequence[Sequence[Value | None]]: ...
-    @property
-    def next(self) -> Sequence[Value | None] | None: ...
-
-
-def page_answer(
-    request: Request,
-    listing: Listing,
-    model: type[ResponseModel],
-    found: _Found,
-    shown: Sequence[ResponseModel],
-) -> Response:
-    """Return a page as an answer: what is ``shown`` of its rows, or the wanted columns of them."""
-    query, following = listing.query, listing.next_page(request, found.next)
-    document = {
-        "items": listing.rows(found.values) if query.columns else shown,
-        "total": found.total,
-        "limit": query.limit,
-        "offset": query.offset,
-        "next": following,
-    }
-    return json_response(model.model_validate(document), headers=link_to(following))
 
 
 def estimate_of(found: Iterable[tuple[str, str]]) -> Response:
@@ -188,14 +168,15 @@ def read_listing(
         count_limit=None if given.count == "exact" else COUNTED_AT_ONCE,
         is_estimated=given.estimate,
     )
+    listing = Listing(source, query, given.format, given.limit if "limit" in asked.sent else None)
     if given.after is None:
-        return Listing(source, query)
+        return listing
     try:
         after = place_of(source.name, query, given.after)
     except InvalidCursorError as error:
         refuse_if_any([Fault("?after", "invalid_cursor", str(error))])
         raise
-    return Listing(source, replace(query, after=after))
+    return replace(listing, query=replace(query, after=after))
 
 
 def _conflicts(asked: Asked[AnyAsking]) -> Iterator[Fault]:
@@ -205,5 +186,5 @@ def _conflicts(asked: Asked[AnyAsking]) -> Iterator[Fault]:
 
 def _shown(kind: Kind, value: Value | None) -> Value | None:
     if kind is Kind.INSTANT and isinstance(value, float):
-        return datetime.fromtimestamp(value, UTC).isoformat()
+        return instant_text(datetime.fromtimestamp(value, UTC))
     return value

@@ -12,6 +12,7 @@ from fastapi.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from service.api.replies.errors import MEDIA_TYPE
+from service.schemas.reading.documents import instant_text
 from service.schemas.replies.response_model import ResponseModel
 from service.versions import version_of
 
@@ -36,7 +37,7 @@ def json_content(model: ResponseModel) -> bytes:
 
 def _instant(value: object) -> str:
     if isinstance(value, datetime):
-        return value.isoformat()
+        return instant_text(value)
     raise TypeError(f"{type(value).__name__} cannot be written as JSON")
 
 

@@ -13,17 +13,17 @@ from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.formats.atlases import choose_format, media_types
+from service.api.formats.lists import list_responses
 from service.api.formats.negotiation import Accept
 from service.api.keys.idempotency import IdempotencyKey, read_key
-from service.api.middleware.heavy_answers import heavy, listed, made_in_a_slot, while_connected
+from service.api.middleware.heavy_answers import heavy, listed, made_in_a_slot, read_list, while_connected
 from service.api.middleware.security import Holder, check_priority
-from service.api.queries.lists import read_listing
 from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
 from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
 from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.records import job_out
 from service.api.replies.responses import AtlasId, refusals
-from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_page
+from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_listed
 from service.api.tagged import validator_headers
 from service.api.verdicts.examiner import examine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
@@ -181,16 +181,15 @@ async def _queue(asked: _Checked, inside: Resources, terms: SubmissionTerms) -> 
 
 @router.get(
     "",
-    response_model=JobPageOut | QueryEstimateOut,
-    responses=refusals(),
+    responses=list_responses(JobPageOut | QueryEstimateOut),
     openapi_extra=query_parameters(JobsQuery),
 )
 async def list_atlases(
     request: Request, asked: Annotated[Asked[JobsQuery], Depends(asked_of(JobsQuery))], inside: Inside
 ) -> Response:
     """List the jobs that draw atlases, newest first or as asked; `GET /v1/jobs` lists the others."""
-    listing = read_listing(asked, OF_ATLAS_ROWS, conditions=in_state(asked.parameters.state))
-    return await listed(request, inside, listing, partial(jobs_page, request, listing, inside.atlases.find))
+    listing = await read_list(inside, asked, OF_ATLAS_ROWS, conditions=in_state(asked.parameters.state))
+    return await listed(request, inside, listing, jobs_listed(inside.atlases.find))
 
 
 @router.get(

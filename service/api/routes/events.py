@@ -152,7 +152,8 @@ def _substance(status: StatusOut) -> object:
 def _stream(
     request: Request, inside: Resources, holder: ApiKey | None, events: AsyncGenerator[Event | None, None]
 ) -> Response:
-    headers = {"Cache-Control": NO_STORE}
+    # Without the second, nginx would hand events on when its buffer is full.
+    headers = {"Cache-Control": NO_STORE, "X-Accel-Buffering": "no"}
     if is_head(request):
         return Response(headers={**headers, "Content-Type": MEDIA_TYPE})
     if inside.events.is_full:

@@ -1,8 +1,7 @@
 """/v1/jobs: submit, list, show and cancel jobs."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
-from functools import partial
+from dataclasses import asdict
 from http import HTTPStatus
 from typing import Annotated
 
@@ -13,10 +12,11 @@ from starlette.concurrency import run_in_threadpool
 from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
+from service.api.formats.lists import ListedRows, list_responses
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
-from service.api.middleware.heavy_answers import listed, while_connected
+from service.api.middleware.heavy_answers import listed, read_list, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.lists import Listing, PageQuery, page_answer, read_listing
+from service.api.queries.lists import PageQuery
 from service.api.queries.prefer import Prefer, wait_seconds
 from service.api.queries.queries import (
     Asked,
@@ -30,14 +30,23 @@ from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.errors import ApiError
 from service.api.replies.records import job_out
 from service.api.replies.responses import JobId, json_response, refusals
-from service.api.submission import accept, accept_many, check, check_each
+from service.api.submission import (
+    ESTIMATE_WORK,
+    accept,
+    accept_many,
+    check,
+    check_each,
+    estimate_jobs,
+    nothing_accepted,
+    refused_item,
+)
 from service.api.verdicts.examiner import Submission
 from service.jobs.queue import Lane
 from service.jobs.records import Job, JobPage, JobState
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery, in_state
-from service.schemas.reading.documents import Document, first_of
-from service.schemas.replies.analysis import QueryEstimateOut
+from service.schemas.reading.documents import Document
+from service.schemas.replies.analysis import CostEstimateOut, QueryEstimateOut
 from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
 from service.settings import Settings
 from service.storage.searching.sources import OF_JOB_ROWS
@@ -86,8 +95,9 @@ PRIORITY = (
 
 
 class SubmitQuery(QueryModel):
-    """The urgency of a submitted job."""
+    """The urgency of a submitted job, or the wish for an estimate."""
 
+    estimate: bool = Field(default=False, description=ESTIMATE_WORK)
     priority: int = Field(default=0, ge=-100, le=100, description=PRIORITY)
 
 
@@ -97,7 +107,10 @@ class SubmitQuery(QueryModel):
     response_model=JobOut | JobListOut,
     status_code=HTTPStatus.ACCEPTED,
     responses={
-        200: {"model": JobOut, "description": "With `Prefer: wait=S`: the job has finished in time"},
+        200: {
+            "model": JobOut | CostEstimateOut,
+            "description": "With `Prefer: wait=S`: the job has finished in time; with `estimate`: its cost",
+        },
         **refusals(400, 408, 409, 413, 415, 503),
     },
     openapi_extra={**request_body("JobIn", EXAMPLES, several=True), **query_parameters(SubmitQuery)},
@@ -119,10 +132,18 @@ async def submit_job(
     Of a list of up to 1000 problems, the accepted ones are queued in one transaction:
     `items` has for each problem, in order, its job or its refusal. The list is refused
     if none is accepted. `Prefer: wait` does not apply to a list.
+
+    With `estimate=true` nothing is queued: the answer tells what it would cost, as if nothing of it had been
+    solved before.
     """
     check_priority(holder, query.priority, "?priority")
     given = read_key(idempotency_key, request, content, holder)
     terms = SubmissionTerms(holder, query.priority, given, wait_seconds(prefer))
+    if query.estimate:
+        found = await inside.reading.run(len(content), _checked, content, inside.settings)
+        problems = found if isinstance(found, list) else [found]
+        estimating = estimate_jobs(inside, problems, holder, is_list=isinstance(found, list))
+        return json_response(await while_connected(request, estimating))
 
     async def work() -> Response:
         found = await inside.reading.run(len(content), _checked, content, inside.settings)
@@ -174,7 +195,7 @@ def _queue_list(
 ) -> Response:
     accepted = [answer for answer in answers if isinstance(answer, Submission)]
     if not accepted:
-        raise _nothing_accepted(answers)
+        raise nothing_accepted(answers)
     jobs = inside.jobs.submit_many(
         [(problem.document, problem.digest) for problem in accepted],
         priority=terms.priority,
@@ -193,7 +214,7 @@ def _queue_list(
 def _list_submitted(answers: Sequence[Submission | ApiError], made: Sequence[Job]) -> Response:
     jobs = iter(made)
     items = [
-        _refused(answer)
+        refused_item(answer)
         if isinstance(answer, ApiError)
         else JobItemOut(status=HTTPStatus.ACCEPTED, job=job_out(next(jobs)), problem=None)
         for answer in answers
@@ -201,45 +222,22 @@ def _list_submitted(answers: Sequence[Submission | ApiError], made: Sequence[Job
     return json_response(JobListOut(items=items), status=HTTPStatus.ACCEPTED)
 
 
-def _refused(refusal: ApiError) -> JobItemOut:
-    return JobItemOut(status=refusal.status, job=None, problem=refusal.document())
-
-
-def _nothing_accepted(answers: Sequence[Submission | ApiError]) -> ApiError:
-    refusals = [answer for answer in answers if isinstance(answer, ApiError)]
-    faults = [
-        replace(fault, pointer=f"/{index}{fault.pointer}")
-        for index, refusal in enumerate(refusals)
-        for fault in refusal.faults
-    ]
-    return ApiError(
-        HTTPStatus.UNPROCESSABLE_ENTITY,
-        "no_problem_accepted",
-        f"none of the {len(answers)} problems is accepted; items has the reasons",
-        faults=first_of(faults),
-        extras={"items": [_refused(refusal).model_dump() for refusal in refusals]},
-    )
-
-
 @router.get(
     "",
-    response_model=JobPageOut | QueryEstimateOut,
-    responses=refusals(),
+    responses=list_responses(JobPageOut | QueryEstimateOut),
     openapi_extra=query_parameters(JobsQuery),
 )
 async def list_jobs(
     request: Request, asked: Annotated[Asked[JobsQuery], Depends(asked_of(JobsQuery))], inside: Inside
 ) -> Response:
     """List jobs, newest first or as asked."""
-    # What is wrong is told without a thread, of which a slow database may leave none.
-    listing = read_listing(asked, OF_JOB_ROWS, conditions=in_state(asked.parameters.state))
-    return await listed(request, inside, listing, partial(jobs_page, request, listing, inside.jobs.find))
+    listing = await read_list(inside, asked, OF_JOB_ROWS, conditions=in_state(asked.parameters.state))
+    return await listed(request, inside, listing, jobs_listed(inside.jobs.find))
 
 
-def jobs_page(request: Request, listing: Listing, find: Callable[[ListQuery], JobPage]) -> Response:
-    """Return the answer with one page of jobs, whatever they do."""
-    page = find(listing.query)
-    return page_answer(request, listing, JobPageOut, page, list(map(job_out, page.jobs)))
+def jobs_listed(find: Callable[[ListQuery], JobPage]) -> ListedRows[JobPage]:
+    """Return a list of jobs, whatever they do."""
+    return ListedRows(JobPageOut, find, lambda page: list(map(job_out, page.jobs)))
 
 
 @router.get("/{job_id}", response_model=JobOut, responses=refusals(404), dependencies=[without_query])

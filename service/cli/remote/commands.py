@@ -24,7 +24,11 @@ def submit(
     key: Key = None,
     as_json: AsJson = False,
 ) -> None:
-    """Submit a problem, or a list of problems, to a service, and print the ids of the jobs."""
+    """Submit a problem, or a list of any length (JSON, NDJSON), to a service, and print the ids of the jobs.
+
+    Of a list there is a line for each problem: its index, and its job or the reason of its refusal, which
+    does not stop the others. A list that is submitted again within a day has the same jobs.
+    """
     from service.cli.remote.work import submit_file  # noqa: PLC0415
 
     submit_file(file, wait=wait, url=url, key=key, as_json=as_json)
@@ -80,7 +84,11 @@ def list_things(
     of: Annotated[Kind, typer.Option(help="what is listed")] = "solutions",
     order: Annotated[str | None, typer.Option(help="such as -energy; newest first if left out")] = None,
     columns: Annotated[str | None, typer.Option(help="such as id,period,/motion/lambda")] = None,
-    limit: Annotated[int, typer.Option(min=1, help="at most so many")] = 50,
+    limit: Annotated[int | None, typer.Option(min=1, help="at most so many; 50, or all with --out")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="write .csv, .parquet, .arrow or .ndjson; - is CSV"),
+    ] = None,
     url: Url = None,
     key: Key = None,
     as_json: AsJson = False,
@@ -89,7 +97,7 @@ def list_things(
     from service.cli.remote.work import list_all  # noqa: PLC0415
 
     names = None if columns is None else columns.split(",")
-    list_all(of, where or [], order, names, limit, url=url, key=key, as_json=as_json)
+    list_all(of, where or [], order, names, limit, out=out, url=url, key=key, as_json=as_json)
 
 
 def tag(

@@ -1,9 +1,13 @@
 """The work of the remote commands: ask by the client, and print tables for people or JSON for programs."""
 
 import json
+import shutil
+import sys
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, Self  # Any: documents of a service
 
 import typer
 
@@ -11,42 +15,51 @@ import polhode as ph
 from polhode.clients import Resource
 from polhode.jobs import Job
 from polhode.listings import Item, Listing
+from polhode.lists import JobList, submitted
 from polhode.motions import Motion
 from polhode.sweeps import Sweep
 from polhode.transport.carriers import ThreadCarrier
 from service.cli.common import REFUSED, WRONG_USAGE, fail
 from service.logs import one_line
-from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
+from service.schemas.replies.solution_text import curve_text, describe_record, potential_text, rounded
+from service.terminal import (
+    STANDARD_STREAM,
+    FileFaultError,
+    OutputFile,
+    answer,
+    check_writable,
+    read_document,
+    read_items,
+    say,
+)
 
 _LONGEST = 100
+_NARROWEST = 6
+LISTED = 50
+"""Rows that a list prints."""
 
 
-def table(rows: Iterable[Iterable[object]]) -> str:
-    """Return rows as lines with aligned columns."""
+def table(rows: Iterable[Iterable[object]], *, width: int | None = None) -> str:
+    """Return rows as lines with aligned columns; the widest are cut until they fit into ``width``."""
     cells = [[_cell(each) for each in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    while width is not None and sum(widths) + 2 * (len(widths) - 1) > width and len(widths) > 1:
+        # The first one is the id, which people copy; if the others are narrow, the last one is left out.
+        widest = max(range(1, len(widths)), key=widths.__getitem__)
+        if widths[widest] > _NARROWEST:
+            widths[widest] -= 1
+        else:
+            del widths[-1]
+    cells = [
+        [c if len(c) <= w else f"{c[: w - 1]}…" for c, w in zip(row, widths, strict=False)] for row in cells
+    ]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
     return "".join(f"{line.rstrip()}\n" for line in lines)
 
 
-def facts_of(document: Mapping[str, object]) -> list[Sequence[object]]:
-    """Return a row for each fact of a document; what is nested deeper is left to ``--json``."""
-    return list(_facts(document))
-
-
-def _facts(document: Mapping[str, object]) -> Iterator[Sequence[object]]:
-    for name, value in document.items():
-        match value:
-            case {"value": number, "error": error, **others} if not others:
-                yield name, f"{number} ± {error:.1e}" if isinstance(error, float) else f"{number} ± {error}"
-            case {"value": digits, "radius": radius, **others} if not others:
-                yield name, f"{digits} ± {radius}"
-            case dict() if all(not isinstance(each, dict | list) for each in value.values()):
-                yield name, _pairs(value)
-            case dict() | list():
-                continue
-            case _:
-                yield name, value
+def report(document: Mapping[str, object]) -> str:
+    """Return what is stored as lines for people; all of it is in ``--json``."""
+    return "".join(f"{one_line(line)}\n" for line in describe_record(document))
 
 
 def _pairs(value: Mapping[str, object]) -> str | None:
@@ -80,20 +93,120 @@ def connected(url: str | None, key: str | None) -> Iterator[ph.Client]:
 
 
 def submit_file(file: Path, *, wait: bool, url: str | None, key: str | None, as_json: bool) -> None:
-    """Submit the document of a file."""
-    document = read_document(file)
-    listed = document if isinstance(document, list) else [document]
-    problems = [each for each in listed if isinstance(each, dict)]
-    if len(problems) < len(listed):
-        fail(f"{file}: a problem is a JSON object, and a list is one of such", REFUSED)
+    """Submit the document of a file, or all of its list: what is refused does not stop the others."""
+    is_list, documents = read_items(file)
     with connected(url, key) as client:
-        jobs = [client.submit(each) for each in problems]
+        if is_list:
+            _submit_list(client, documents, wait=wait, as_json=as_json)
+            return
+        document = next(documents)
+        if isinstance(document, FileFaultError):
+            raise document
+        if not isinstance(document, dict):
+            fail(f"{file}: a problem is a JSON object, and a list is one of such", REFUSED)
+        job = client.submit(document)
         if wait:
-            _wait(client, [job.id for job in jobs], None, as_json=as_json)
+            _wait(client, [job.id], None, as_json=as_json)
         elif as_json:
-            _print_json([job.document for job in jobs], is_list=isinstance(document, list))
+            _print_json([job.document], is_list=False)
         else:
-            answer("".join(f"{job.id}\n" for job in jobs))
+            answer(f"{job.id}\n")
+
+
+def _submit_list(client: ph.Client, documents: Iterable[object], *, wait: bool, as_json: bool) -> None:
+    """Submit a list in pieces; print a line for each problem: its index, and its job or the reason.
+
+    Exits with 1 in the end if any was refused.
+    """
+    ids: list[str | None] = []
+    errors: dict[int, ph.PolhodeError] = {}
+    shown: list[Mapping[str, object]] = []
+    with Bar("submitted") as bar:
+        for outcome in submitted(client.carrier, map(_problem_or_error, documents)):
+            ids.append(outcome.id)
+            if outcome.error is not None:
+                errors[outcome.index] = outcome.error
+            elif outcome.job is not None and as_json and not wait:
+                shown.append(outcome.job)
+            bar.show(len(ids), f"{len(errors)} refused" if errors else "")
+            if not (as_json or wait):
+                bar.hide()
+                answer(_line_of(outcome.index, outcome.id, outcome.error))
+    if wait:
+        _wait_for_list(client, ids, errors, as_json=as_json)
+    elif as_json:
+        shown += [_error_document(index, error) for index, error in errors.items()]
+        _print_json(shown, is_list=True)
+    if errors:
+        say(f"{len(errors)} of {len(ids)} problems were refused or failed")
+        raise typer.Exit(REFUSED)
+
+
+def _wait_for_list(
+    client: ph.Client, ids: Sequence[str | None], errors: dict[int, ph.PolhodeError], *, as_json: bool
+) -> None:
+    """Wait for the jobs of a list; print a line for each as it ends, and put what failed into ``errors``."""
+    solved: dict[int, Mapping[str, object]] = {}
+    with Bar("solved") as bar:
+        for index, outcome in JobList(client.carrier, ids, errors).as_completed():
+            if isinstance(outcome, Motion):
+                solved[index] = outcome.document
+            else:
+                errors[index] = outcome
+            bar.show(len(solved) + len(errors), f"of {len(ids)}")
+            if not as_json:
+                bar.hide()
+                known = outcome.id if isinstance(outcome, Motion) else None
+                answer(_line_of(index, known, errors.get(index)))
+    if as_json:
+        failed = [_error_document(index, error) for index, error in errors.items()]
+        _print_json([*(solved[index] for index in sorted(solved)), *failed], is_list=True)
+
+
+def _problem_or_error(document: object) -> Mapping[str, object] | ph.PolhodeError:
+    if isinstance(document, FileFaultError):
+        return ph.WrongArgumentError(str(document))
+    if not isinstance(document, dict):
+        return ph.WrongArgumentError("a problem is a JSON object")
+    return document
+
+
+def _line_of(index: int, thing_id: str | None, error: ph.PolhodeError | None) -> str:
+    reason = "" if error is None else " ".join(str(error).split())
+    return f"{index}  {thing_id or '-'}{'  ' + one_line(reason) if reason else ''}\n"
+
+
+def _error_document(index: int, error: ph.PolhodeError) -> dict[str, object]:
+    return {"index": index, "problem": getattr(error, "document", None) or {"detail": str(error)}}
+
+
+class Bar:
+    """A line on a terminal that tells how far something is; nothing where nobody watches."""
+
+    _SECONDS = 0.1
+
+    def __init__(self, what: str) -> None:
+        self._what, self._shown, self._is_watched = what, 0.0, sys.stderr is not None and sys.stderr.isatty()
+
+    def show(self, done: int, further: str) -> None:
+        """Show a number, not more often than eyes follow."""
+        now = time.monotonic()
+        if self._is_watched and now - self._shown >= self._SECONDS:
+            self._shown = now
+            sys.stderr.write(f"\r{self._what} {done:,} {further}\x1b[K")
+            sys.stderr.flush()
+
+    def hide(self) -> None:
+        """Clear the line, for what is printed next."""
+        if self._is_watched and self._shown:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.hide()
 
 
 def wait_for_all(
@@ -122,7 +235,7 @@ def _wait(client: ph.Client, thing_ids: Sequence[str], seconds: float | None, *,
     if as_json:
         _print_json([_document(each) for each in ended], is_list=len(thing_ids) > 1)
     else:
-        answer("\n".join(table(facts_of(_document(each))) for each in ended))
+        answer("\n".join(report(_document(each)) for each in ended))
     if failures:
         raise typer.Exit(REFUSED)
 
@@ -158,33 +271,79 @@ def list_all(
     where: Sequence[str],
     order: str | None,
     columns: Sequence[str] | None,
-    limit: int,
+    limit: int | None,
     *,
+    out: Path | None,
     url: str | None,
     key: str | None,
     as_json: bool,
 ) -> None:
-    """Print what meets the conditions."""
+    """Print what meets the conditions, or write it to a file."""
+    chosen = None if out is None else "csv" if out == STANDARD_STREAM else _ENDINGS.get(out.suffix)
+    if out is not None:
+        if chosen is None or chosen == "npz":
+            accepted = ", ".join(ending for ending, name in _ENDINGS.items() if name != "npz")
+            fail(f"--out {out}: accepted endings are {accepted}", WRONG_USAGE)
+        check_writable(out)
     with connected(url, key) as client:
         match of:
             case "jobs":
-                rows = _rows(client.jobs(*where, order=order), columns, limit)
+                rows = _listed(client.jobs(*where, order=order), columns, limit, chosen, as_json=as_json)
             case "sweeps":
-                rows = _rows(client.sweeps(*where, order=order), columns, limit)
+                rows = _listed(client.sweeps(*where, order=order), columns, limit, chosen, as_json=as_json)
             case _:
-                rows = _rows(client.solutions(*where, order=order), columns, limit)
-    if as_json:
+                rows = _listed(client.solutions(*where, order=order), columns, limit, chosen, as_json=as_json)
+    if isinstance(rows, bytes):
+        with OutputFile(out or STANDARD_STREAM) as file:
+            file.write(rows)
+    elif as_json:
         answer(json.dumps(rows) + "\n")
     elif rows:
-        answer(table([list(rows[0]), *(row.values() for row in rows)]))
+        shown = rows if columns is not None else [{k: rounded(v) for k, v in row.items()} for row in rows]
+        answer(table([list(rows[0]), *(row.values() for row in shown)], width=_width()))
     else:
         say(f"no {of} meet this")
 
 
-def _rows(
-    listing: Listing[ThreadCarrier, Item], columns: Sequence[str] | None, limit: int
-) -> list[dict[str, object]]:
-    return listing.rows(columns or [*listing.columns, "labels"], limit=limit)
+def _listed(
+    listing: Listing[ThreadCarrier, Item],
+    columns: Sequence[str] | None,
+    limit: int | None,
+    file_format: str | None,
+    *,
+    as_json: bool,
+) -> list[dict[str, object]] | bytes:
+    """Return the rows of a list, or its file."""
+    if file_format is not None:
+        return listing.download(file_format, columns, limit=limit)
+    most = limit or LISTED
+    if as_json or columns is not None or "points" in listing.columns:
+        return listing.rows(columns or [*listing.columns, "labels"], limit=most)
+    found = listing.all(limit=most)
+    return [_row_of(each.document) for each in found if isinstance(each, Job | Motion)]
+
+
+def _row_of(document: Mapping[str, Any]) -> dict[str, object]:
+    """Return what people look for in a list: the problem, its numbers with few digits, and the labels."""
+    problem = document["problem"]
+    row: dict[str, object] = {
+        "id": document["id"],
+        "potential": potential_text(problem["potential"]),
+        "λ": curve_text(problem.get("motion", {})),
+    }
+    if "state" in document:
+        row |= {"state": document["state"], "solution": document["solution"]}
+    else:
+        numbers = {name: (document[name] or {}).get("value") for name in ("period", "energy")}
+        row |= {name: float(each) if isinstance(each, str) else each for name, each in numbers.items()}
+        row |= {"error": f"{document['error']:.0e}", "tier": document["tier"]}
+    row["created"] = str(document["created_at"])[:16].replace("T", " ")
+    return row | {"labels": _pairs(document["labels"])}
+
+
+def _width() -> int | None:
+    """Return the columns of the terminal; None where nobody looks."""
+    return shutil.get_terminal_size().columns if sys.stdout is not None and sys.stdout.isatty() else None
 
 
 def tag_thing(
@@ -226,7 +385,8 @@ def sweep_file(file: Path, out: Path | None, *, url: str | None, key: str | None
     with connected(url, key) as client:
         sweep = client.sweep(document, wait=False)
         say(f"sweep {sweep.id}")
-        sweep.wait()
+        with going_on(sweep.id):
+            sweep.wait()
         if out is not None and chosen is not None:
             content = client.download(sweep.id, chosen)
             with OutputFile(out) as written:
@@ -235,13 +395,25 @@ def sweep_file(file: Path, out: Path | None, *, url: str | None, key: str | None
             _print(sweep, as_json=as_json)
 
 
+@contextmanager
+def going_on(sweep_id: str) -> Iterator[None]:
+    """Tell whoever interrupts waiting that the sweep goes on, and what can be done with it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say("\nthe sweep goes on at the service; wait for it, get its points, or cancel it:")
+        for line in (f"wait {sweep_id}", f"get {sweep_id} --out points.parquet", f"cancel {sweep_id}"):
+            say(f"  polhode {line}")
+        raise
+
+
 def _document(thing: Resource[ThreadCarrier]) -> Mapping[str, object]:
     return thing.state if isinstance(thing, Sweep) else thing.document
 
 
 def _print(thing: Resource[ThreadCarrier], *, as_json: bool) -> None:
     document = _document(thing)
-    answer(json.dumps(document) + "\n" if as_json else table(facts_of(document)))
+    answer(json.dumps(document) + "\n" if as_json else report(document))
 
 
 def _print_json(documents: Sequence[Mapping[str, object]], *, is_list: bool) -> None:

@@ -9,12 +9,12 @@ from polhode.errors import (
     MissingError,
     PolhodeError,
     RefusedError,
+    SomeFailedError,
     UnfinishedError,
     UnreachableError,
     WrongArgumentError,
 )
 from polhode.evaluation import Samples
-from polhode.jobs import SomeFailedError
 
 __all__ = [
     "AsyncClient",

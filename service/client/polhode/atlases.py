@@ -126,7 +126,7 @@ def atlas_question(
     numbers: Mapping[str, Exact],
 ) -> Document:
     """Return the document that asks for an atlas; what is None is left as it is."""
-    asked = question(potential, body=body, motion=None, numbers=numbers)
+    asked = question(potential, body=body, numbers=numbers)
     given = {
         "lambda": lam,
         "outputs": outputs,

@@ -1,8 +1,9 @@
 """The clients: everything that can be asked of a service, for threads and for event loops."""
 
-from collections.abc import Callable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import update_wrapper
-from inspect import signature
+from inspect import Parameter, signature
 from types import TracebackType
 from typing import Generic, ParamSpec, Self, TypeVar
 from urllib.parse import urlencode
@@ -11,8 +12,9 @@ from polhode.atlases import Atlas, atlas_question, draw, stored_atlas
 from polhode.documents.problems import DEFAULT_KEEP, Body, Document, Given, problem, question, sweep_document
 from polhode.documents.quantities import Exact, written
 from polhode.errors import FailedError, MissingError
-from polhode.jobs import WAIT_SECONDS, Job, motion_of, solve_list, submit
+from polhode.jobs import WAIT_SECONDS, Job, motion_of, submit
 from polhode.listings import Listing
+from polhode.lists import JobList, motions_of, stored_list, submit_list
 from polhode.motions import Motion
 from polhode.sweeps import Sweep
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
@@ -69,8 +71,11 @@ def takes(
             return (yield from work(self, arguments(*given, **named)))
 
         update_wrapper(whole, work)
+        own, taken = signature(work), signature(arguments)
+        owner = next(iter(own.parameters.values())).replace(kind=Parameter.POSITIONAL_ONLY)
+        parameters = [owner, *taken.parameters.values()]
         # What notebooks and the reference show.
-        whole.__signature__ = signature(arguments)  # type: ignore[attr-defined]  # functions take any
+        whole.__signature__ = own.replace(parameters=parameters)  # type: ignore[attr-defined]  # functions take any
         return operation(whole)
 
     return decorate
@@ -109,15 +114,44 @@ class Operations(Generic[CarrierT]):
         return Job(self.carrier, (yield from submit(self.carrier.terms, document, seconds=0)))
 
     @operation
-    def solve_all(self, problems: Sequence[Given]) -> Operation[list[Motion[CarrierT]]]:
+    def submit_all(self, problems: Iterable[Given], *, again: bool = False) -> Operation[JobList[CarrierT]]:
+        """Submit problems, however many, and return their jobs at once; ``errors`` has those refused.
+
+        Parameters
+        ----------
+        problems
+            Documents or files.
+        again
+            Submit all anew. If left out, a list that is submitted again within a day has the same jobs.
+        """
+        return (yield from submit_list(self.carrier, problems, again=again))
+
+    @operation
+    def solve_all(
+        self, problems: Iterable[Given], *, again: bool = False, seconds: float | None = None
+    ) -> Operation[list[Motion[CarrierT]]]:
         """Solve many problems and return their motions, in the same order.
+
+        Parameters
+        ----------
+        problems, again
+            As of :meth:`submit_all`.
+        seconds
+            How long to wait for the jobs.
 
         Raises
         ------
         SomeFailedError
             Not all have a motion; it has those that there are, and the errors of the others.
+        UnfinishedError
+            It took longer than ``seconds``; the jobs go on.
         """
-        return (yield from solve_list(self.carrier, [problem(each) for each in problems]))
+        listed = yield from submit_list(self.carrier, problems, again=again)
+        return (yield from motions_of(listed, seconds))
+
+    def stored_list(self, given: Sequence[str | None] | str | os.PathLike[str]) -> JobList[CarrierT]:
+        """Return a list that was submitted before, by the file that has it or by the ids of its jobs."""
+        return stored_list(self.carrier, given)
 
     @operation
     def judge(
@@ -127,8 +161,9 @@ class Operations(Generic[CarrierT]):
         *,
         body: Body | None = None,
         motion: Mapping[str, object] | None = None,
+        lam: Exact | None = None,
         **parameters: Exact,
-    ) -> Operation[Judgement]:
+    ) -> Operation[Judgement[CarrierT]]:
         """Ask whether a potential admits planar motions; nothing is stored.
 
         Parameters
@@ -137,11 +172,13 @@ class Operations(Generic[CarrierT]):
             A formula, a section ``potential``, or without ``body`` a whole document or its file.
         body
             (A, C), (A, B, C), or the section.
-        motion
-            The section ``motion``, to learn its windows.
+        motion, lam
+            The section ``motion``, or λ of a planar one, to learn its windows; or a state, to learn which
+            classical cases it lies on.
         """
-        document = question(potential, body=body, motion=motion, numbers=parameters)
-        return Judgement((yield from ask_json(self.carrier.terms, "POST", "/v1/validations", document)))
+        document = question(potential, body=body, motion=motion, lam=lam, numbers=parameters)
+        answer = yield from ask_json(self.carrier.terms, "POST", "/v1/validations", document)
+        return Judgement(self.carrier, answer, document)
 
     @operation
     def sweep(
@@ -163,8 +200,8 @@ class Operations(Generic[CarrierT]):
         base
             A problem, a whole sweep, or a file of either.
         named_axes, axes
-            Lists of values, or spans such as ``linspace(lo, hi, n)``, by the names of parameters or by JSON
-            pointers; ``lam`` is λ. The last axis varies fastest.
+            Values as lists, arrays or series, or spans such as ``linspace(lo, hi, n)``, by the names of
+            parameters or by JSON pointers; ``lam`` is λ. The last axis varies fastest.
         keep
             Numbers to keep of each point.
         combine

@@ -15,7 +15,7 @@ from polhode.clients import AsyncClient, Client
 from polhode.errors import PolhodeError, WrongArgumentError
 from polhode.motions import Motion
 from polhode.showing import Bar, is_watched
-from polhode.transport.carriers import LoopCarrier, ThreadCarrier
+from polhode.transport.carriers import LoopCarrier, ThreadCarrier, leave_at_forks
 from polhode.transport.exchange import ask_json
 from polhode.transport.steps import Operation
 from polhode.transport.terms import DEFAULT_URL, Cache, Progress, Terms, default_folder
@@ -116,12 +116,22 @@ class LocalClient(Client):
 
     def __init__(self, carrier: ThreadCarrier, keeper: "subprocess.Popen[bytes]") -> None:
         super().__init__(carrier)
-        self._keeper = keeper
+        self._keeper, self._process = keeper, os.getpid()
+        leave_at_forks(self)
 
     def close(self) -> None:
-        """End the service, and delete its database if it was a temporary one."""
+        """End the service, and delete its database if it was a temporary one; a forked process does not."""
         super().close()
-        _end(self._keeper)
+        if self._process == os.getpid():
+            _end(self._keeper)
+
+    def leave(self) -> None:
+        """Let the service end with the program that started it, however long a forked process lives."""
+        if self._keeper.stdin is not None:
+            self._keeper.stdin.close()
+
+    def __reduce__(self) -> tuple[type[Client], tuple[ThreadCarrier]]:
+        return Client, (self.carrier,)
 
 
 def local(
@@ -171,7 +181,8 @@ def _program() -> str:
     found = str(beside) if beside.exists() else shutil.which("polhode")
     if found is None:
         raise WrongArgumentError(
-            "the program polhode is not installed here; connect(url) asks a service on another machine"
+            "the program polhode is not installed here: local() needs the service beside the client, which"
+            " pip install . in a checkout of polhode installs; connect(url) asks one that runs elsewhere"
         )
     return found
 

@@ -1,7 +1,9 @@
 """The errors that a call of the client can end with."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 
 class PolhodeError(Exception):
@@ -48,8 +50,14 @@ class RefusedError(PolhodeError):
         self.faults = tuple(_faults(document.get("errors")))
         # With faults the detail only repeats them.
         first = self.detail if not self.faults else str(document.get("title") or self.detail)
-        lines = [f"{self.code}: {first}", *(f"  {f.pointer or '/'}: {f.message}" for f in self.faults)]
+        lines = [
+            f"{self.code}: {first}",
+            *(f"  {f.pointer or '/'}: {f.message}{_hint(f)}" for f in self.faults),
+        ]
         super().__init__("\n".join(lines))
+
+    def __reduce__(self) -> tuple[type[Self], tuple[int, Mapping[str, object]]]:
+        return type(self), (self.status, self.document)
 
     @property
     def pointer(self) -> str | None:
@@ -80,11 +88,46 @@ class FailedError(PolhodeError):
         self.pointer = None if pointer is None else str(pointer)
         super().__init__(f"{self.code}: {self.detail}" + (f" ({self.pointer})" if self.pointer else ""))
 
+    def __reduce__(self) -> tuple[type[Self], tuple[Mapping[str, object]]]:
+        return type(self), (self.job,)
+
+
+class SomeFailedError(PolhodeError):
+    """Some problems of a list were refused or failed.
+
+    Parameters
+    ----------
+    errors
+        Why, by the index in the list.
+    motions
+        Those of the others, by the index in the list.
+    """
+
+    def __init__(self, errors: Mapping[int, PolhodeError], motions: Mapping[int, object]) -> None:
+        self.errors, self.motions = errors, motions
+        first = min(errors)
+        super().__init__(
+            f"{len(errors)} of {len(errors) + len(motions)} problems; number {first}: {errors[first]}"
+        )
+
+    def __reduce__(self) -> tuple[type[Self], tuple[Mapping[int, PolhodeError], Mapping[int, object]]]:
+        return type(self), (self.errors, self.motions)
+
 
 def refused(status: int, document: object) -> RefusedError:
     """Return the error for an answer that is none of success."""
     problem = document if isinstance(document, Mapping) else {"detail": str(document)[:500]}
     return (MissingError if status == 404 else RefusedError)(status, problem)
+
+
+_UNKNOWN = re.compile(r"'([A-Za-z_]\w*)' is not known here")
+
+
+def _hint(fault: ReportedFault) -> str:
+    """Return what a caller of the client can do about a fault, beside what the service accepts."""
+    if fault.code == "formula" and (found := _UNKNOWN.search(fault.message)):
+        return f"; is {found[1]} a parameter? {found[1]}=1 would be its value"
+    return ""
 
 
 def _faults(errors: object) -> Sequence[ReportedFault]:

@@ -13,9 +13,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from polhode.documents.problems import nearest
+from polhode.documents.quantities import doubles
 from polhode.errors import PolhodeError, WrongArgumentError
 
 if TYPE_CHECKING:
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 
+LATEST = 1e15
+"""The latest time, on either side of 0, that is evaluated: the service takes no later one."""
 EPSILON = float(np.finfo(np.float64).eps)
 _SPLIT = 134217729.0  # 2^27 + 1: Veltkamp's constant for doubles
 _BLOCK = 2048  # times whose sums stay in the cache
@@ -93,21 +96,48 @@ class FunctionOfTime:
     def errors_at(self, times: FloatArray) -> dict[str, float]:
         """Return the bound of the absolute error of each column at any of ``times``, by name.
 
-        Of a periodic motion the error of the phase comes on top: that of the period, once for every
-        period that has passed, and the rounding of a time. What it does is measured by moving the times.
+        For a periodic motion the error of the phase comes on top: that of the period, once for every
+        period that has passed, and the rounding of a time. What it does is measured by moving the times:
+        between, a column leaves the chords by φ²/8 times its second derivative at most, and it never does
+        more than its whole range.
         """
         samples = self(times)
         bounds = np.array([self.errors.get(name, self.error) for name in self.columns])
         bounds += EPSILON * np.abs(samples).max(axis=0, initial=0.0)
         if self.period is not None and len(times):
-            passed = float(np.abs(times).max()) / self.period.hi
-            phase = self.period.error * passed + 4.0 * EPSILON * self.period.hi
+            phase = self.phase_error(times)
             local, turns = split_time(times, self.period)
             here = self._within(local)
-            bounds += np.max([np.abs(self(local + by) - here).max(axis=0) for by in (-phase, phase)], axis=0)
+            moved = np.max([np.abs(self(local + by) - here).max(axis=0) for by in (-phase, phase)], axis=0)
+            sagittas, ranges = self.sagittas_and_ranges(phase)
+            for name, gained in self.advances.items():
+                ranges[list(self.columns).index(name)] += abs(gained.hi) * (phase / self.period.hi)
+            bounds += np.minimum(moved + sagittas, ranges)
             gains = [self.advances.get(name, PairOfDoubles()).error for name in self.columns]
             bounds += np.abs(turns).max() * np.array(gains)
         return dict(zip(self.columns, bounds.tolist(), strict=True))
+
+    def phase_error(self, times: FloatArray) -> float:
+        """Return the bound of the error of the phase, as a time, at any of ``times``; 0 without a period."""
+        if self.period is None or not len(times):
+            return 0.0
+        turns = float(np.abs(times).max()) / self.period.hi
+        # A larger number of periods is no exact double.
+        lost = 0.0 if turns <= 2.0**52 else 4.0 * EPSILON * turns * self.period.hi
+        return self.period.error * turns + 4.0 * EPSILON * self.period.hi + lost
+
+    def sagittas_and_ranges(self, phase: float) -> tuple[FloatArray, FloatArray]:
+        """Return bounds of how far each column leaves its chords of length φ, and of its range."""
+        sizes = np.abs(self.coefficients)
+        bends, radii = np.zeros_like(sizes[:, 0]), np.zeros_like(sizes[:, 0])
+        for k in range(1, sizes.shape[1]):
+            bends += (k * k * (k * k - 1) / 3.0) * sizes[:, k]
+            radii += sizes[:, k]
+        # Beyond 1e100 widths of a piece the range is the smaller bound, whatever this one is.
+        scales = 0.5 * np.minimum(phase / np.diff(self.breaks), 1e100) ** 2
+        middles = self.coefficients[:, 0]
+        ranges = (middles + radii).max(axis=0) - (middles - radii).min(axis=0)
+        return (scales[:, None] * bends).max(axis=0), ranges
 
     def _within(self, local: FloatArray) -> FloatArray:
         piece = np.clip(np.searchsorted(self.breaks, local, side="right") - 1, 0, len(self.breaks) - 2)
@@ -118,6 +148,21 @@ class FunctionOfTime:
             block = slice(start, start + _BLOCK)
             values[block] = _clenshaw(self.coefficients, piece[block], x[block])
         return values
+
+
+def instants(times: ArrayLike) -> FloatArray:
+    """Return times as doubles, of any shape; one alone becomes a list of one.
+
+    Raises
+    ------
+    WrongArgumentError
+        One of them is no number, not finite, or too far away.
+    """
+    asked = np.atleast_1d(doubles(times, "t"))
+    far = asked[~(np.abs(asked) <= LATEST)]
+    if far.size:
+        raise WrongArgumentError(f"t = {far[0]:.17g} is too far away; times up to ±{LATEST:.0e} are accepted")
+    return asked
 
 
 def split_time(times: FloatArray, period: PairOfDoubles) -> tuple[FloatArray, FloatArray]:
@@ -183,10 +228,13 @@ def errors_at(function: FunctionOfTime, times: FloatArray) -> dict[str, float]:
     bound = max(function.errors.get(name, function.error) for name in LOCAL) + 2.0 * EPSILON
     if function.period is not None and len(times):
         local, turns = split_time(times, function.period)
-        passed = float(np.abs(times).max()) / function.period.hi
-        phase = function.period.error * passed + 4.0 * EPSILON * function.period.hi
+        phase = function.phase_error(times)
         here, *moved = (_quaternion(function, local + by) for by in (0.0, -phase, phase))
-        bound += max(float(np.abs(there - here).max()) for there in moved)
+        sagittas = function.sagittas_and_ranges(phase)[0][
+            [list(function.columns).index(name) for name in LOCAL]
+        ]
+        bent = math.hypot(*sagittas.tolist())
+        bound += min(max(float(np.abs(there - here).max()) for there in moved) + bent, 2.0)
         bound += 0.5 * float(np.abs(turns).max()) * function.advances.get("psi1", PairOfDoubles()).error
     return {**others, **dict.fromkeys(_QUATERNION, bound)}
 
@@ -255,10 +303,12 @@ def optional(library: str, for_what: str) -> ModuleType:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """Columns of equal length by name: ``t``, ``p``, ``q``, ``r``, ``g1``, ``g2``, ``g3`` and others.
+    """Columns of one shape by name: ``t``, ``p``, ``q``, ``r``, ``g1``, ``g2``, ``g3`` and others.
 
     Parameters
     ----------
+    columns
+        In the shape of the times that were asked for.
     errors
         For each column the bound of the absolute error of any number in it.
     """
@@ -273,17 +323,17 @@ class Samples:
 
     @property
     def t(self) -> FloatArray:
-        """Times, shape (n,)."""
+        """Times, in the shape in which they were asked for; (1,) for one alone."""
         return self["t"]
 
     @property
     def omega(self) -> FloatArray:
-        """Angular velocity (p, q, r) in the axes of the body, shape (n, 3)."""
+        """Angular velocity (p, q, r) in the axes of the body, shape (..., 3)."""
         return np.stack([self[name] for name in ("p", "q", "r")], axis=-1)
 
     @property
     def gamma(self) -> FloatArray:
-        """The vertical (g1, g2, g3) in the axes of the body, shape (n, 3)."""
+        """The vertical (g1, g2, g3) in the axes of the body, shape (..., 3)."""
         return np.stack([self[name] for name in ("g1", "g2", "g3")], axis=-1)
 
     def __getitem__(self, name: str) -> FloatArray:
@@ -293,7 +343,7 @@ class Samples:
         return self.columns[name]
 
     def __len__(self) -> int:
-        return len(self.columns["t"])
+        return self.columns["t"].size
 
     def __repr__(self) -> str:
         return f"<{len(self)} samples of {', '.join(self.columns)}; error {self.error:.1e}>"
@@ -301,6 +351,6 @@ class Samples:
     def frame(self) -> "pd.DataFrame":
         """Return a pandas frame with a row a time; ``frame.attrs["error"]`` bounds every number's error."""
         pandas: ModuleType = optional("pandas", "frame()")
-        frame: pd.DataFrame = pandas.DataFrame(dict(self.columns))
+        frame: pd.DataFrame = pandas.DataFrame({name: each.ravel() for name, each in self.columns.items()})
         frame.attrs.update(error=self.error, errors=dict(self.errors))
         return frame

@@ -4,13 +4,15 @@ from collections.abc import AsyncIterator, Callable, Iterator, Sequence
 from itertools import islice
 from types import ModuleType
 from typing import TYPE_CHECKING, Generic, TypeVar
-from urllib.parse import urlencode
+from urllib.parse import urlencode, urljoin
 
 from polhode.documents.problems import Document
 from polhode.documents.quantities import items
+from polhode.errors import PolhodeError
 from polhode.evaluation import optional
+from polhode.showing import rows_html
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
-from polhode.transport.exchange import ask_json
+from polhode.transport.exchange import ask, ask_json
 from polhode.transport.steps import Operation, operation
 from polhode.transport.terms import Terms
 
@@ -24,6 +26,8 @@ _PAGE = 200
 IDS = 100
 """Ids in one query."""
 _LABELS = "labels"
+_SHOWN = 20
+"""Rows that a notebook shows."""
 
 
 class Listing(Generic[CarrierT, Item]):
@@ -85,10 +89,42 @@ class Listing(Generic[CarrierT, Item]):
         return [self._make(self.carrier, row) for row in rows]
 
     @operation
+    def download(
+        self, file_format: str = "csv", columns: Sequence[str] | None = None, *, limit: int | None = None
+    ) -> Operation[bytes]:
+        """Return all, or the first ``limit``, as a file: ``csv``, ``ndjson``, ``arrow`` or ``parquet``."""
+        query = [*self._query, ("format", file_format)]
+        query += [] if columns is None else [("columns", ",".join(columns))]
+        query += [] if limit is None else [("limit", str(limit))]
+        path = f"{self._path}?{urlencode(query)}"
+        return (yield from ask(self.carrier.terms, "GET", path, accept="*/*")).content
+
+    @operation
     def count(self) -> Operation[int]:
         """Return how many there are."""
         page = yield from ask_json(self.carrier.terms, "GET", self._first(1, [("count", "exact")]))
         return int(str(page["total"]))
+
+    def __repr__(self) -> str:
+        asked = ", ".join(f"{name} {value}" for name, value in self._query)
+        return f"<list of {self._path.removeprefix('/v1/')}{': ' if asked else ''}{asked}>"
+
+    def _repr_html_(self) -> str | None:
+        if not isinstance(self.carrier, ThreadCarrier):
+            return None
+        try:
+            rows, total = self.carrier.run(self._first_rows())
+        except PolhodeError:
+            return None  # the words of repr() are better than nothing
+        title = f"{self._path.removeprefix('/v1/')}: {total}" + (
+            f", of which {_SHOWN}" if total > _SHOWN else ""
+        )
+        return rows_html(title, self.columns, rows)
+
+    def _first_rows(self) -> Operation[tuple[list[Row], int]]:
+        query = [("columns", ",".join(self.columns)), ("count", "exact")]
+        page = yield from ask_json(self.carrier.terms, "GET", self._first(_SHOWN, query))
+        return items(page["items"]), int(str(page["total"]))
 
     def __iter__(self: "Listing[ThreadCarrier, Item]") -> Iterator[Item]:
         path: str | None = self._first(_PAGE, [])
@@ -128,7 +164,8 @@ class Listing(Generic[CarrierT, Item]):
     def _page(self, path: str) -> Operation[tuple[list[Row], str | None]]:
         page = yield from ask_json(self.carrier.terms, "GET", path)
         following = page["next"]
-        return items(page["items"]), None if following is None else str(following)
+        # The query alone, or of an older service with its path.
+        return items(page["items"]), None if following is None else urljoin(path, str(following))
 
     def _first(self, limit: int, query: Sequence[tuple[str, str]]) -> str:
         return f"{self._path}?{urlencode([*self._query, *query, ('limit', str(limit))])}"

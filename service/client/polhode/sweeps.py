@@ -3,15 +3,15 @@
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic
+from typing import TYPE_CHECKING, Generic, SupportsIndex, overload
 from urllib.parse import urlencode
 
 import numpy as np
 import pyarrow as pa
 
-from polhode import showing as drawing
+from polhode import drawing
 from polhode.documents.problems import Document, changed, nearest
-from polhode.documents.quantities import fields, items
+from polhode.documents.quantities import fields, items, whole
 from polhode.errors import WrongArgumentError
 from polhode.evaluation import FloatArray, optional
 from polhode.jobs import WAIT_SECONDS, motion_of, submit
@@ -57,10 +57,18 @@ class Sweep(Generic[CarrierT]):
     def __len__(self) -> int:
         return int(str(self.state["points"]))
 
-    def __getitem__(self, index: int) -> "Point[CarrierT]":
-        if not -len(self) <= index < len(self):
-            raise IndexError(f"point {index} of {len(self)}")
-        return Point(self, index % len(self))
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> "Point[CarrierT]": ...
+    @overload
+    def __getitem__(self, index: slice) -> "list[Point[CarrierT]]": ...
+    def __getitem__(self, index: SupportsIndex | slice) -> "Point[CarrierT] | list[Point[CarrierT]]":
+        """Return a point, or the points of a slice."""
+        if isinstance(index, slice):
+            return [Point(self, each) for each in range(len(self))[index]]
+        place = whole(index, "index")
+        if not -len(self) <= place < len(self):
+            raise IndexError(f"point {place} of {len(self)}")
+        return Point(self, place % len(self))
 
     @operation
     def wait(self, *, seconds: float | None = None) -> Operation[None]:

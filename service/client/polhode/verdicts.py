@@ -1,22 +1,36 @@
 """The judgement of a service on a potential."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
+from html import escape
+from typing import Generic
 
+from polhode.documents.problems import Document
+from polhode.documents.quantities import fields, items
+from polhode.errors import PolhodeError
 from polhode.showing import table_html
+from polhode.transport.carriers import CarrierT, ThreadCarrier
+from polhode.transport.exchange import ask_json
+from polhode.transport.steps import Operation, operation
+
+_TYPESET = ("V", "h", "F", "G", "nearest")
+"""The equations that a verdict is shown with, in this order."""
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
+class Judgement(Generic[CarrierT]):
     """Whether a potential admits planar motions, and how that is known.
 
-    Parameters
+    Attributes
     ----------
     document
         The whole answer, as docs/verdicts.md describes it.
+    question
+        The document that it answers.
     """
 
-    document: Mapping[str, object]
+    def __init__(self, carrier: CarrierT, document: Document, question: Document) -> None:
+        self.carrier, self.document, self.question = carrier, document, question
+        self._equations: dict[str, list[str]] | None = None
 
     @property
     def verdict(self) -> str | None:
@@ -58,11 +72,55 @@ class Judgement:
         """A job's plan for the whole problem; ``tiers`` has the expected time and error of each tier."""
         return _section(self.document.get("plan"))
 
+    @property
+    def motions(self) -> Sequence[Mapping[str, object]]:
+        """The windows of the motions for the λ or ν that was asked for; empty without one."""
+        return [fields(each) for each in _list(self.document.get("motions"))]
+
+    @property
+    def classical(self) -> Mapping[str, object] | None:
+        """The classical and integrable cases that a state in a field of gravity lies on, or is near."""
+        return _section(self.document.get("classical"))
+
+    @operation
+    def latex(self) -> Operation[Mapping[str, Sequence[str]]]:
+        """Return the equations as LaTeX, by name: V, h, F, G, and those of docs/formulas.md.
+
+        One that differs between quadrants comes several times; those with names of parameters come first.
+        """
+        return (yield from self._typeset())
+
+    def _typeset(self) -> Operation[dict[str, list[str]]]:
+        if self._equations is None:
+            path = "/v1/validations?formulas=latex"
+            answer = yield from ask_json(self.carrier.terms, "POST", path, self.question)
+            found: dict[str, list[str]] = {}
+            for each in sorted(items(answer["formulas"]), key=lambda each: not each["named"]):
+                found.setdefault(each["name"], []).append(each["formats"]["latex"])
+            self._equations = found
+        return self._equations
+
+    def _lines(self) -> list[str]:
+        """Return the equations that are shown; none where the service cannot be asked."""
+        if self._equations is None and isinstance(self.carrier, ThreadCarrier):
+            try:
+                self.carrier.run(partial(Judgement._typeset, self)())
+            except PolhodeError:
+                return []
+        known = self._equations or {}
+        return [known[name][0] for name in _TYPESET if name in known]
+
     def __repr__(self) -> str:
         return f"<{self.verdict}, proof: {self.proof}>"
 
+    def _repr_latex_(self) -> str | None:
+        aligned = r" \\ ".join(line.replace(" = ", " &= ", 1) for line in self._lines())
+        return rf"$\begin{{aligned}} {aligned} \end{{aligned}}$" if aligned else None
+
     def _repr_html_(self) -> str:
-        return table_html(f"{self.verdict} (proof: {self.proof})", dict(self._facts()))
+        table = table_html(f"{self.verdict} (proof: {self.proof})", dict(self._facts()))
+        # Notebooks typeset what is between dollars.
+        return table + "".join(f"<p>${escape(line)}$</p>" for line in self._lines())
 
     def _facts(self) -> Iterator[tuple[str, str]]:
         if (energy := self.energy) is not None:
@@ -76,8 +134,7 @@ class Judgement:
             yield "nearest admissible", str(nearest.get("expression"))
         if (evidence := _section(self.document.get("evidence"))) is not None:
             yield "what is missing", str(evidence.get("doubt"))
-        for motion in _list(self.document.get("motions")):
-            window = _section(motion) or {}
+        for window in self.motions:
             g2 = " to ".join(f"{float(str(end)):.6g}" for end in _list(window.get("g2")))
             yield f"motion {window.get('window')}", f"{window.get('kind')}, γ₂ from {g2}"
 

@@ -2,11 +2,12 @@
 
 Binding from loose to tight: ``+ -``, then ``* /``, then the sign, then ``^``
 (also written ``**``), which groups to the right and whose exponent may carry a
-sign: ``-x^2`` is ``-(x^2)``, ``x^-y^2`` is ``x^(-(y^2))``.
+sign: ``-x^2`` is ``-(x^2)``, ``x^-y^2`` is ``x^(-(y^2))``. The sign + makes no node.
 """
 
 import re
 import string
+import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -73,7 +74,7 @@ def tokenize(text: str) -> list[Token]:
     while position < len(text):
         match = _TOKEN.match(text, position)
         if match is None:
-            raise FormulaError(f"{text[position]!r} is not part of the grammar", position=position)
+            raise FormulaError(_foreign(text[position]), position=position)
         kind = _KINDS.get(match.lastgroup or "")
         if kind is not None:
             piece = match.group()
@@ -84,6 +85,34 @@ def tokenize(text: str) -> list[Token]:
         position = match.end()
     tokens.append(Token("end", "", len(text)))
     return tokens
+
+
+_WRITTEN: dict[str, str] = {
+    **dict.fromkeys("\u2212\u2010\u2011\u2012\u2013\u2014\ufe63\uff0d", "-"),
+    **dict.fromkeys("\u00b7\u22c5\u00d7\u2217\u2219\u2022", "*"),
+    **dict.fromkeys("\u00f7\u2215\u2044", "/"),
+    **{character: f"^{digit}" for digit, character in enumerate("⁰¹²³⁴⁵⁶⁷⁸⁹")},
+    **{character: f"{digit}" for digit, character in enumerate("₀₁₂₃₄₅₆₇₈₉")},
+    "\u207b": "^-",
+    "\u03c0": "pi",
+    "\u03b3": "g",
+    "\u03bb": "lambda",
+    "\u03bd": "nu",
+    "\u221a": "sqrt(...)",
+    **dict.fromkeys("\u00a0\u2002\u2003\u2009\u200a\u202f\u205f\u3000", "a blank"),
+    **dict.fromkeys("\u200b\u200c\u200d\u2060\ufeff\u00ad", "nothing: it cannot be seen"),
+}
+"""Characters that come with a formula pasted from a page, and what is written in their place."""
+
+
+def _foreign(character: str) -> str:
+    """Return the phrase about a character that no formula has."""
+    if character.isascii():
+        return f"{character!r} is not part of the grammar"
+    name = unicodedata.name(character, "no name").lower()
+    written = _WRITTEN.get(character)
+    hint = "" if written is None else f"; write {written}"
+    return f"{character!r} (U+{ord(character):04X}, {name}) is not part of the grammar{hint}"
 
 
 def is_name(text: str) -> bool:
@@ -227,10 +256,13 @@ class _Parser:
                 tree = self._leaves[piece] = _number(piece, place)
         elif piece == "(":
             return self._inside(place)
-        elif piece == "-":
+        elif piece in ("+", "-"):
             self._enter(place)
-            tree = Negation(self._expression(SIGN))
+            tree = self._expression(SIGN)
             self._depth -= 1
+            if piece == "+":
+                return tree
+            tree = Negation(tree)
         else:
             found = _shown(piece) if piece else "the end"
             raise FormulaError(f"a number, a name or '(' is expected, and {found} was found", position=place)

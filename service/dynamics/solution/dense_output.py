@@ -131,7 +131,9 @@ class DenseOutput:
 
         For a periodic motion the error of the phase comes on top: that of the
         period, once for every period that has passed, and the rounding of a
-        time by a few ulp. What it does is measured by moving the times by it.
+        time by a few ulp. What it does is measured by moving the times by it:
+        between, a column leaves the chords by φ²/8 times its second derivative
+        at most, and it never does more than its whole range.
         The error of an advance counts once for every period as well.
         """
         times = np.asarray(times, dtype=np.float64)
@@ -143,7 +145,11 @@ class DenseOutput:
             # Reduced first: a small shift would drown in the rounding of a late time.
             local, turns = split_time(times, self.period)
             here = self._within(local)
-            bounds += np.max([np.abs(self(local + by) - here).max(axis=0) for by in (-phase, phase)], axis=0)
+            moved = np.max([np.abs(self(local + by) - here).max(axis=0) for by in (-phase, phase)], axis=0)
+            sagittas, ranges = self.sagittas_and_ranges(phase)
+            for name, advance in self.advances.items():
+                ranges[self.columns.index(name)] += abs(advance.hi) * (phase / self.period.hi)
+            bounds += np.minimum(moved + sagittas, ranges)
             gains = [self.advances.get(name, Advance()).error for name in self.columns]
             bounds += np.abs(turns).max() * np.array(gains)
         return dict(zip(self.columns, bounds.tolist(), strict=True))
@@ -153,7 +159,26 @@ class DenseOutput:
         if self.period is None or not len(times):
             return 0.0
         turns = float(np.abs(times).max()) / self.period.hi
-        return self.period.error * turns + 4.0 * EPSILON * self.period.hi
+        lost = float(turns_lost(turns)) * self.period.hi
+        return self.period.error * turns + 4.0 * EPSILON * self.period.hi + lost
+
+    def sagittas_and_ranges(self, phase: float) -> tuple[FloatArray, FloatArray]:
+        """Return bounds of how far each column leaves its chords of length φ, and of its range.
+
+        That is φ²/8 times the second derivative; on a piece, |T_k| ≤ 1 and |T_k''| ≤ k² (k² − 1) / 3
+        times the square of 2 / width.
+        """
+        sizes = np.abs(self.coefficients)
+        # Degree by degree: a sum's bits do not depend on the other columns.
+        bends, radii = np.zeros_like(sizes[:, 0]), np.zeros_like(sizes[:, 0])
+        for k in range(1, sizes.shape[1]):
+            bends += (k * k * (k * k - 1) / 3.0) * sizes[:, k]
+            radii += sizes[:, k]
+        # Beyond 1e100 widths of a piece the range is the smaller bound, whatever this one is.
+        scales = 0.5 * np.minimum(phase / np.diff(self.breaks), 1e100) ** 2
+        middles = self.coefficients[:, 0]
+        ranges = (middles + radii).max(axis=0) - (middles - radii).min(axis=0)
+        return (scales[:, None] * bends).max(axis=0), ranges
 
     def _within(self, local: FloatArray, low_parts: FloatArray | None = None) -> FloatArray:
         piece = np.clip(np.searchsorted(self.breaks, local, side="right") - 1, 0, len(self.breaks) - 2)
@@ -179,6 +204,15 @@ class DenseOutput:
                 f"t = {outside[0]:.17g} is outside [{first:.17g}, {last:.17g}], "
                 "where this solution was computed"
             )
+
+
+MOST_TURNS = 2.0**52
+"""Periods that a time is reduced by without losing digits; a larger number of them is no exact double."""
+
+
+def turns_lost(turns: FloatArray | float) -> FloatArray:
+    """Return the bound of the error of a reduced time, in periods, beside roundings: 0 up to MOST_TURNS."""
+    return np.where(np.asarray(turns) <= MOST_TURNS, 0.0, 4.0 * EPSILON * np.asarray(turns))
 
 
 def reduce_time(times: FloatArray, period: Period) -> FloatArray:

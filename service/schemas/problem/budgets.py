@@ -37,16 +37,16 @@ def choose_tier(problem: Problem, window: Part | None, table: AccuracyTable) -> 
     budget = problem.accuracy.budget_seconds
     if budget is None:
         raise ValueError("the problem has no budget")
-    kind, family = _kind_of(problem, window), family_of(problem.body, problem.potential)
-    return best_tier(table, budget, _samples(problem), kind, family).require_fit(budget)
+    kind, family = kind_of(problem, window), family_of(problem.body, problem.potential)
+    return best_tier(table, budget, samples_of(problem), kind, family).require_fit(budget)
 
 
 def expected_of_tiers(
     problem: Problem, window: Part | None, table: AccuracyTable
 ) -> dict[Tier, Expected | Unavailable | None]:
     """Return what is expected of ``problem`` at each tier, by the table alone."""
-    kind, family = _kind_of(problem, window), family_of(problem.body, problem.potential)
-    return {tier: expected(table, tier, _samples(problem), kind, family) for tier in TIERS}
+    kind, family = kind_of(problem, window), family_of(problem.body, problem.potential)
+    return {tier: expected(table, tier, samples_of(problem), kind, family) for tier in TIERS}
 
 
 def with_tier(document: Part, choice: TierChoice) -> Part:
@@ -54,11 +54,13 @@ def with_tier(document: Part, choice: TierChoice) -> Part:
     return {**document, "accuracy": {"tier": choice.tier}}
 
 
-def _samples(problem: Problem) -> int:
+def samples_of(problem: Problem) -> int:
+    """Return how many samples a problem asks for."""
     return len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples
 
 
-def _kind_of(problem: Problem, window: Part | None) -> MotionKind:
+def kind_of(problem: Problem, window: Part | None) -> MotionKind:
+    """Return the kind of a problem's motion, of a planar one by its window."""
     is_integrated = isinstance(problem.motion, StateMotion) or problem.method == "integration"
     return "any state" if is_integrated else _kind(window)
 

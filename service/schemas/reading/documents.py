@@ -1,12 +1,13 @@
 """Documents as text and as trees: strict JSON (RFC 8259), JSON pointers (RFC 6901), faults at their places.
 
-Strict JSON has no NaN, no infinities, no repeated field, and bounded sizes.
+Strict JSON has no NaN, no infinities, no repeated field, and bounded sizes. Instants are text by RFC 3339.
 """
 
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any  # documents that were read from JSON
 
 from service.dynamics.errors import DynamicsError
@@ -17,6 +18,15 @@ Part = Mapping[str, Any]
 
 Document = dict[str, object]
 """A document that is written."""
+
+
+def instant_text(moment: datetime, timespec: str = "auto") -> str:
+    """Return an instant in UTC as documents have it, ending in Z: URLs turn the + of +00:00 into a blank.
+
+    ``timespec`` is that of :meth:`datetime.isoformat`.
+    """
+    return moment.isoformat(timespec=timespec).replace("+00:00", "Z")
+
 
 MAX_FAULTS = 200
 """Most faults listed: of 100 000 wrong numbers only the first are."""

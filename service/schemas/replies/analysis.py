@@ -73,3 +73,28 @@ class QueryEstimateOut(ResponseModel):
         " number of the problem without a column that very many rows meet may still take seconds."
     )
     seconds: float = Field(description="After so long a query is stopped.")
+
+
+class RefusedItemOut(ResponseModel):
+    """A problem of a list that would be refused."""
+
+    index: int = Field(description="Its place in the list, from 0.")
+    problem: dict[str, object] = Field(description="The problem document that it would be refused with.")
+
+
+class CostEstimateOut(ResponseModel):
+    """The expected cost of a sweep, a problem or a list, of which nothing is computed or stored."""
+
+    points: int = Field(description="Points of the sweep; problems that would be queued.")
+    tier: str | None = Field(description="Tier that computes them; null for a list with several.")
+    seconds: float = Field(
+        description="Seconds of one worker: two need half of them. An estimate, no bound: for usual documents"
+        " within a factor of three."
+    )
+    bytes: int = Field(description="Stored bytes, about.")
+    slow: list[SlowPart] = Field(description="The parts of the document that make it slow; 20 at most.")
+    ready_in: float | None = Field(
+        description="Seconds until all kernels are compiled, which the estimate takes for granted; null where"
+        " nothing is compiled, or nobody knows yet."
+    )
+    refused: list[RefusedItemOut] = Field(description="The problems of a list that would be refused.")

@@ -1,9 +1,9 @@
 """Offers of an installation: families of potentials, classical cases, and the accuracy table."""
 
 from dataclasses import asdict
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from service.dynamics.accuracy import (
     TIER_TOLERANCES,
@@ -115,13 +115,25 @@ class UnavailableOut(ResponseModel):
     detail: str = Field(description="A sentence for people.")
 
 
+def _in_utc(date: object) -> object:
+    # Tables stored by the first version end in +00:00.
+    return date.replace("+00:00", "Z") if isinstance(date, str) else date
+
+
+Measured = Annotated[
+    str,
+    BeforeValidator(_in_utc),
+    Field(description="When it was measured, UTC.", json_schema_extra={"format": "date-time"}),
+]
+
+
 class AccuracyTableModel(ResponseModel):
     """The table as it is stored."""
 
     source: Source = Field(
         description="`shipped`: measured on another machine; `measured`: by `polhode calibrate` here."
     )
-    date: str = Field(description="When it was measured, UTC.", json_schema_extra={"format": "date-time"})
+    date: Measured
     version: str = Field(description="Version of polhode that was measured.")
     numerics: int = Field(description="Raised whenever a computed digit changes.")
     machine: MachineOut = Field(description="Where it was measured.")
@@ -152,7 +164,7 @@ class AccuracyTableModel(ResponseModel):
 class ShippedMeasurement(ResponseModel):
     """When and where something was measured that every installation shows."""
 
-    date: str = Field(description="When it was measured, UTC.", json_schema_extra={"format": "date-time"})
+    date: Measured
     version: str = Field(description="Version of polhode that was measured.")
     numerics: int = Field(description="Raised whenever a computed digit changes.")
     machine: MachineOut = Field(description="Where it was measured: not here, unless that is this machine.")

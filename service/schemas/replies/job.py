@@ -59,7 +59,8 @@ class JobPageOut(ResponseModel):
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
     next: str | None = Field(
-        description="Path and query of the next page, also in the header Link; null on the last one."
+        description="Query of the next page, to be resolved against the URL that was asked; also in the"
+        " header Link. Null on the last one."
     )
 
 
@@ -114,7 +115,8 @@ class ChunkJobPageOut(ResponseModel):
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
     next: str | None = Field(
-        description="Path and query of the next page, also in the header Link; null on the last one."
+        description="Query of the next page, to be resolved against the URL that was asked; also in the"
+        " header Link. Null on the last one."
     )
 
 
@@ -137,6 +139,24 @@ class RunningJobOut(ResponseModel):
     seconds: float = Field(description="Since the attempt began.")
 
 
+class LeftOutOut(ResponseModel):
+    """A worker of a cluster that computes nothing."""
+
+    worker: str = Field(description="Its address.")
+    why: str = Field(description="For people.")
+
+
+class ClusterOut(ResponseModel):
+    """A Dask cluster that computes for a worker."""
+
+    scheduler: str = Field(description="Address of its scheduler, or the path of its file.")
+    is_connected: bool = Field(description="Whether the worker is connected to the scheduler.")
+    workers: int = Field(description="Workers that are ready.")
+    threads: int = Field(description="Jobs that they compute at once.")
+    left_out: list[LeftOutOut] = Field(description="Workers that get no jobs.")
+    dashboard: str | None = Field(description="Address of Dask's own page; null if it has none.")
+
+
 class WorkerOut(ResponseModel):
     """A worker or service that was seen lately."""
 
@@ -149,6 +169,7 @@ class WorkerOut(ResponseModel):
     kernels: str | None = Field(
         description="How far its kernels are compiled; null if all are. Until then jobs go the plain way."
     )
+    cluster: ClusterOut | None = Field(description="Where it computes; null: in children of its own.")
     running: list[RunningJobOut] = Field(description="What it does.")
 
 
@@ -211,4 +232,7 @@ class ProblemDetailsOut(ResponseModel):
     checks: dict[str, str] = Field(description="With `not_ready`.")
     referrers: list[str] = Field(description="With `in_use`: paths of what refers to it, 100 at most.")
     needed_role: str = Field(description="With `role_insufficient`.")
+    exceeds_limit: Literal[True] = Field(
+        description="With `too_many_queued_jobs`: even an empty queue would not take so many at once."
+    )
     request_id: str = Field(description="Also in the header X-Request-ID, and in the log of the service.")

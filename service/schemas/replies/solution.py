@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.schemas.replies.job import StateName
+from service.schemas.replies.job import ClusterOut, StateName
 from service.schemas.replies.response_model import ResponseModel
 from service.schemas.replies.verdict import NoticeOut
 
@@ -223,7 +223,8 @@ class SolutionPageOut(ResponseModel):
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
     next: str | None = Field(
-        description="Path and query of the next page, also in the header Link; null on the last one."
+        description="Query of the next page, to be resolved against the URL that was asked; also in the"
+        " header Link. Null on the last one."
     )
 
 
@@ -277,6 +278,11 @@ class ReadinessOut(HealthOut):
         default=None,
         exclude_if=lambda compiling: compiling is None,
         description="How far the compiled code is that makes jobs fast; absent when all of it is there.",
+    )
+    cluster: ClusterOut | None = Field(
+        default=None,
+        exclude_if=lambda cluster: cluster is None,
+        description="The Dask cluster on which workers compute; absent where they do so themselves.",
     )
 
 
@@ -334,7 +340,7 @@ class ProvenanceGraphOut(ResponseModel):
     )
     activity: Records = Field(
         description="The examination, and each attempt at computing the solution.",
-        examples=[{_ATTEMPT: {"prov:startTime": "2026-01-02T03:04:05+00:00", "polhode:numerics": 1}}],
+        examples=[{_ATTEMPT: {"prov:startTime": "2026-01-02T03:04:05Z", "polhode:numerics": 1}}],
     )
     agent: Records = Field(
         description="Workers, and the software with its versions.",
@@ -417,5 +423,6 @@ class AuditPageOut(ResponseModel):
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
     next: str | None = Field(
-        description="Path and query of the next page, also in the header Link; null on the last one."
+        description="Query of the next page, to be resolved against the URL that was asked; also in the"
+        " header Link. Null on the last one."
     )

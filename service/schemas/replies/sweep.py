@@ -58,7 +58,8 @@ class SweepPageOut(ResponseModel):
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
     next: str | None = Field(
-        description="Path and query of the next page, also in the header Link; null on the last one."
+        description="Query of the next page, to be resolved against the URL that was asked; also in the"
+        " header Link. Null on the last one."
     )
 
 
@@ -75,7 +76,8 @@ class PointPageOut(ResponseModel):
     limit: int = Field(description="Items on a page at most.")
     offset: int = Field(description="Items left out before this page.")
     next: str | None = Field(
-        description="Path and query of the next page, also in the header Link; null on the last one."
+        description="Query of the next page, to be resolved against the URL that was asked; also in the"
+        " header Link. Null on the last one."
     )
     points: int = Field(description="Of the whole sweep.")
     done: int = Field(description="Points computed so far; the others are missing here.")

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from service.dynamics.equations.orientation import PRECESSION, QUATERNION
 from service.dynamics.exact import exact_number, exact_text
 from service.dynamics.motion import columns_of
-from service.dynamics.problem import Output, Problem, TimeList
+from service.dynamics.problem import Output, Problem, StateMotion, TimeList, TimePeriods
 from service.dynamics.sweep_axes import Axis, LinearAxis, ListedAxis, LogarithmicAxis, UniformAxis, at
 from service.schemas.problem.trusted import trusted_problem
 from service.schemas.reading.documents import Document, Part, split_pointer, with_values
@@ -33,6 +33,20 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 Combine = Literal["grid", "zip"]
+Varies = Literal["curve", "potential", "start", "moment", "body", "time", "sign", "state", "other"]
+"""The numbers that an axis may vary: λ or nu; a number of the potential; g1 at the start; B, on which no
+planar motion depends; A or C; the times; window and signs, which have few values; ω and γ; something else."""
+
+_OF_STATES = frozenset({"period", "gamma", "omega"})
+"""Outputs that kernels have for motions from any state."""
+FEW = (
+    ("motion", "window"),
+    ("motion", "g1_sign"),
+    ("motion", "g3_sign"),
+    ("motion", "start", "s_sign"),
+    ("motion", "start", "g2_sign"),
+)
+"""Numbers that have few values."""
 
 _LARGEST_JSON_INTEGER = 2**53
 
@@ -45,6 +59,36 @@ class SweepAxis:
     path: tuple[str, ...]
     """The pointer's parts."""
     axis: Axis
+
+    @property
+    def varies(self) -> Varies:
+        """The kind of number that it varies."""
+        match self.path:
+            case ("potential", *_):
+                return "potential"
+            case ("motion", "lambda" | "nu"):
+                return "curve"
+            case ("motion", "start", "g1"):
+                return "start"
+            case ("motion", "omega" | "gamma", _):
+                return "state"
+            case ("body", "B"):
+                return "moment"
+            case ("body", *_):
+                return "body"
+            case ("time", "start" | "stop" | "periods"):
+                return "time"
+        return "sign" if self.path in FEW else "other"
+
+    @property
+    def position_in_state(self) -> int | None:
+        """The place of its number among p, q, r, g1, g2, g3, A, B, C; None for what is none of them."""
+        match self.path:
+            case ("motion", ("omega" | "gamma") as vector, ("0" | "1" | "2") as index):
+                return 3 * ("omega", "gamma").index(vector) + int(index)
+            case ("body", ("A" | "B" | "C") as moment):
+                return 6 + "ABC".index(moment)
+        return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +117,24 @@ class Sweep:
     def pointers(self) -> tuple[str, ...]:
         """The names of the axes, in their order."""
         return tuple(each.pointer for each in self.axes)
+
+    @property
+    def are_states(self) -> bool:
+        """Whether the points are motions from any state that kernels solve many at a time.
+
+        It varies nothing but states, moments and the potential's numbers, and asks for no outputs but period,
+        gamma and omega, by an absolute tolerance or a tier of doubles.
+        """
+        problem = self.first_problem
+        return (
+            isinstance(problem.motion, StateMotion)
+            and not isinstance(problem.time, TimePeriods)
+            and problem.accuracy.tier != "certified"
+            and problem.accuracy.budget_seconds is None
+            and problem.accuracy.measure != "relative"
+            and set(problem.outputs) <= _OF_STATES
+            and all(axis.position_in_state is not None or axis.varies == "potential" for axis in self.axes)
+        )
 
     def values(self, index: int) -> tuple[Fraction, ...]:
         """Return the exact number on each axis; in a grid the last axis runs fastest."""
@@ -222,6 +284,14 @@ NUMBERS: Mapping[str, KeptNumber] = {
     ),
 }
 """The names accepted in ``keep``. A point without the number (aperiodic, refused, ...) has null."""
+
+DRIFT_NUMBERS = frozenset(name for each in ("energy", "geometric", "areas") for name in _drift(each))
+
+
+def keeps_further(keep: Sequence[str]) -> bool:
+    """Tell whether further integrals are among the kept numbers; they depend on B."""
+    return any(name.startswith("invariants.") and name not in DRIFT_NUMBERS for name in keep)
+
 
 DEFAULT_KEEP = ("period", "energy", "error")
 

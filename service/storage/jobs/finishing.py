@@ -118,7 +118,7 @@ _SUCCEED = update(_JOBS).where(*_FENCE).values(_SUCCEED_VALUES).returning(_JOBS.
 _END_ATTEMPT = (
     update(_ATTEMPTS)
     .where(_ATTEMPTS.c.job_id == bindparam("job"), _ATTEMPTS.c.number == bindparam("try"))
-    .values(ended_at=DatabaseNow(), outcome=AttemptOutcome.SUCCEEDED.value)
+    .values(ended_at=DatabaseNow(), outcome=AttemptOutcome.SUCCEEDED.value, detail=None)
 )
 _SUCCEED_EACH = update(_JOBS).where(*_FENCE).values(_SUCCEED_VALUES)
 """The same for many rows, which cannot tell whether they were changed."""

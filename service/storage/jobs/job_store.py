@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from sqlalchemy import Connection, bindparam, select, update
+from sqlalchemy import Connection, bindparam, select, tuple_, update
 from sqlalchemy.orm import Session
 
 from service.jobs.kernels import Way
@@ -38,20 +38,28 @@ from service.storage.examinations import store_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
 from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_atlas
-from service.storage.jobs.moves import end_attempt, fence, history, lose, move
+from service.storage.jobs.moves import BEGUN, end_attempt, fence, history, lose, move
 from service.storage.jobs.queue import announce
 from service.storage.jobs.records import job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
 from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import DatabaseNow, table_of
-from service.storage.tables.jobs import JobRow
+from service.storage.tables.jobs import AttemptRow, JobRow
 from service.verdicts.cache_rows import CacheRow, Examination
 
 _JOBS = table_of(JobRow)
-_HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
-    _JOBS.c.id.in_(bindparam("ids", expanding=True)), _JOBS.c.state == JobState.RUNNING.value
+_HOLDS = (
+    tuple_(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).in_(bindparam("claimed", expanding=True)),
+    _JOBS.c.state == JobState.RUNNING.value,
 )
+_HELD = select(_JOBS.c.id).where(*_HOLDS)
+_RENEWAL = update(JobRow).where(*_HOLDS).returning(JobRow.id).execution_options(synchronize_session=False)
+
+
+def _claimed(claims: Sequence[Claim]) -> dict[str, object]:
+    """Return the parameters of a statement about claims."""
+    return {"claimed": [(claim.job_id, claim.worker, claim.attempt) for claim in claims]}
 
 
 class SqlJobStore:
@@ -178,24 +186,29 @@ class SqlJobStore:
             if taken != ClaimedJobs():
                 return taken
 
-    def heartbeat(self, claim: Claim, *, lease_seconds: float) -> bool:
-        """Prolong the lease, if the claim still holds."""
+    def heartbeat(self, claims: Sequence[Claim], *, lease_seconds: float) -> frozenset[str]:
+        """Prolong the leases of the claims that still hold; return the ids of their jobs."""
+        if not claims:
+            return frozenset()
         # A lease is nothing that clients see: nobody is told of a change.
         values = {"lease_until": DatabaseNow() + lease_seconds, "changed_at": JobRow.changed_at}
-        statement = update(JobRow).where(*fence(claim)).values(**values)
         with self._database.write() as session:
-            return session.scalar(statement.returning(JobRow.id)) is not None
+            return frozenset(session.scalars(_RENEWAL.values(**values), _claimed(claims)))
+
+    def note_begun(self, claim: Claim) -> None:
+        """Note that a child has begun with a job that is computed alone, if the claim still holds."""
+        attempt = AttemptRow.job_id == claim.job_id, AttemptRow.number == claim.attempt
+        with self._database.write() as session:
+            session.execute(
+                update(AttemptRow).where(*attempt, AttemptRow.ended_at.is_(None)).values(detail=BEGUN)
+            )
 
     def held(self, claims: Sequence[Claim]) -> frozenset[str]:
         """Return the ids of those jobs whose claims still hold."""
         if not claims:
             return frozenset()
         with self._database.read() as session:
-            rows = session.execute(_HOLDERS, {"ids": [claim.job_id for claim in claims]})
-            holders = {(row.id, row.owner, row.attempt) for row in rows}
-        return frozenset(
-            claim.job_id for claim in claims if (claim.job_id, claim.worker, claim.attempt) in holders
-        )
+            return frozenset(session.scalars(_HELD, _claimed(claims)))
 
     def finish(
         self,

@@ -22,12 +22,14 @@ from service.jobs.records import (
     pause_after,
     sources,
 )
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Document, instant_text
 from service.storage.database.rows import database_now
 from service.storage.jobs.records import attempt_of
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
 
+BEGUN = "its child has begun"
+"""Detail of an attempt at a job that is computed alone, while it runs: then the loss of its worker counts."""
 _JOBS = table_of(JobRow)
 
 
@@ -120,12 +122,13 @@ def lose(
 
 
 def _is_in_doubt(session: Session, attempt: tuple[str, int]) -> bool:
-    """Tell whether other jobs than this one may be to blame for the loss of its worker.
+    """Tell whether others than this job may be to blame for the loss of its worker.
 
-    It was not alone with its child; or its worker had others beside it, and has not for too many times.
+    It was not alone with its child; or its child is not known to have begun, or its worker had other jobs
+    beside it, and has not for too many times.
     """
     row = (
-        select(JobRow.alone, AttemptRow.worker, AttemptRow.started_at)
+        select(JobRow.alone, AttemptRow.worker, AttemptRow.started_at, AttemptRow.detail)
         .join_from(AttemptRow, JobRow, JobRow.id == AttemptRow.job_id)
         .where(AttemptRow.job_id == attempt[0], AttemptRow.number == attempt[1])
     )
@@ -138,8 +141,9 @@ def _is_in_doubt(session: Session, attempt: tuple[str, int]) -> bool:
     beside = JobRow.owner == worker, JobRow.id != attempt[0]
     unended = or_(returned, AttemptRow.outcome == AttemptOutcome.LOST.value)
     since = AttemptRow.worker == worker, AttemptRow.job_id != attempt[0], AttemptRow.ended_at >= began
-    return (session.scalar(doubts) or 0) < MOST_DOUBTS and bool(
-        session.scalar(select(or_(exists().where(*beside), exists().where(*since, unended))))
+    return (session.scalar(doubts) or 0) < MOST_DOUBTS and (
+        found.detail != BEGUN
+        or bool(session.scalar(select(or_(exists().where(*beside), exists().where(*since, unended)))))
     )
 
 
@@ -157,8 +161,8 @@ def _lost_worker_error(history: Sequence[Attempt], losses: int) -> Document:
             {
                 "attempt": attempt.number,
                 "worker": attempt.worker,
-                "started_at": attempt.started_at.isoformat(),
-                "ended_at": attempt.ended_at and attempt.ended_at.isoformat(),
+                "started_at": instant_text(attempt.started_at),
+                "ended_at": attempt.ended_at and instant_text(attempt.ended_at),
                 "outcome": attempt.outcome,
                 "detail": attempt.detail,
             }

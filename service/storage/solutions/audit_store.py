@@ -8,7 +8,7 @@ from sqlalchemy import select
 from service.jobs.queue import Lane
 from service.jobs.records import AuditNotFoundError, Job, JobPage, SolutionNotFoundError
 from service.jobs.store import Receipt
-from service.schemas.query.conditions import ListQuery
+from service.schemas.query.conditions import ListQuery, Value
 from service.schemas.reading.annotation import UNANNOTATED
 from service.schemas.reading.documents import Part
 from service.storage.annotations import annotations_of
@@ -42,6 +42,21 @@ class AuditPage:
 
     audits: tuple[Audit, ...]
     page: JobPage
+
+    @property
+    def total(self) -> int | None:
+        """The number of all of them, if that was wanted."""
+        return self.page.total
+
+    @property
+    def values(self) -> tuple[tuple[Value | None, ...], ...]:
+        """The wanted columns of each, in place of the audits."""
+        return self.page.values
+
+    @property
+    def next(self) -> tuple[Value | None, ...] | None:
+        """The values at which the following page begins; None if there is none."""
+        return self.page.next
 
 
 class AuditStore:

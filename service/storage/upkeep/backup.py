@@ -13,7 +13,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from sqlalchemy import Connection, Engine, Table, inspect, make_url, text
@@ -37,6 +37,7 @@ _SQLITE_TABLES = (
 )
 _POSTGRES_TABLES = "SELECT tablename FROM pg_tables WHERE schemaname = current_schema() ORDER BY tablename"
 _DUMPED_TABLE = re.compile(r"; \d+ \d+ TABLE \S+ (\S+) ")
+_VERSION = re.compile(r"(\d+)(?:\.\d+)*")
 _PLAIN = ("--no-owner", "--no-privileges")
 """Owners and rights are left to the server that the tables are restored on."""
 
@@ -56,6 +57,8 @@ class Contents:
     """Revision of the schema."""
     rows: Mapping[str, int]
     """Numbers of rows by table."""
+    made_by: str = field(default="", compare=False)
+    """The program that has made it, and the server, with their versions; empty for SQLite."""
 
     @property
     def schema(self) -> str:
@@ -65,7 +68,7 @@ class Contents:
         return f"schema {self.revision}, which this version cannot restore: {origin_of(self.revision)}"
 
 
-def back_up(url: str, file: Path, *, replace: bool = False) -> Contents:
+def back_up(url: str, file: Path, *, force: bool = False) -> Contents:
     """Write a backup of the database to ``file``, and return its contents.
 
     The file appears under its name when it is complete and has been read back.
@@ -77,7 +80,7 @@ def back_up(url: str, file: Path, *, replace: bool = False) -> Contents:
     """
     if file.is_dir():
         raise BackupError(f"{file}: it is a directory")
-    if file.exists() and not replace:
+    if file.exists() and not force:
         raise BackupError(f"{file} exists already; another name, or --force")
     with _part_of(file) as part:
         contents = _database_of(url).copy(part)
@@ -283,13 +286,14 @@ class _Postgres:
     def copy(self, target: Path) -> Contents:
         repeatable = _connecting(self._url, isolation_level="REPEATABLE READ")
         with repeatable as engine, engine.connect() as connection:
+            made_by = _suitable_dump(str(connection.scalar(text("SHOW server_version"))))
             # The counts and the dump see the same instant.
             snapshot = connection.scalar(text("SELECT pg_export_snapshot()"))
             contents = _contents_at(connection)
             options = [f"--snapshot={snapshot}", f"--file={target}", "--format=custom", *_PLAIN]
             _run("pg_dump", self._url, *options)
         _run("pg_restore", None, f"--file={os.devnull}", str(target))
-        return contents
+        return replace(contents, made_by=made_by)
 
     def revision(self, file: Path) -> str:
         script = _run("pg_restore", None, "--data-only", "--table=alembic_version", "--file=-", str(file))
@@ -353,6 +357,19 @@ def _unreferring(engine: Engine, tables: Sequence[Table]) -> Iterator[None]:
         raise
 
 
+def _suitable_dump(server: str) -> str:
+    """Return pg_dump and the server with their versions; an older pg_dump than the server is refused."""
+    ours, theirs = (_VERSION.search(each) for each in (_run("pg_dump", None, "--version"), server))
+    if ours is None or theirs is None:
+        return "pg_dump"
+    if int(ours[1]) < int(theirs[1]):
+        raise BackupError(
+            f"pg_dump {ours[0]} cannot copy a server of version {theirs[0]}: put one of version {theirs[1]} "
+            f"or later first on PATH (Debian: postgresql-client-{theirs[1]})"
+        )
+    return f"pg_dump {ours[0]} of a server {theirs[0]}"
+
+
 def _run(program: str, url: str | None, *arguments: str) -> str:
     """Run a client program of Postgres; passwords go in the environment, hidden from other users."""
     path = shutil.which(program)
@@ -382,5 +399,9 @@ def _run(program: str, url: str | None, *arguments: str) -> str:
     )
     if done.returncode != 0:
         reason = done.stderr.strip().splitlines() or [f"it ended with code {done.returncode}"]
-        raise BackupError(f"{program}: {reason[0].removeprefix(f'{program}: ')}")
+        said = reason[0].removeprefix(f"{program}: ")
+        if "unsupported version" in said:
+            version = _VERSION.search(_run(program, None, "--version"))
+            said += f": a pg_dump later than this {program} {version and version[0]} has made the file"
+        raise BackupError(f"{program}: {said}")
     return done.stdout

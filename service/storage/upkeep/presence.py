@@ -6,6 +6,7 @@ a full or read-only disk.
 
 import contextlib
 import logging
+import os
 import sqlite3
 import threading
 import time
@@ -45,6 +46,8 @@ class ServicePresence:
     ----------
     host
         What this machine is called; its own name if None.
+    is_only
+        Whether no other service should use the database: a warning says that one does.
     seconds
         Between two writes.
     clock
@@ -56,12 +59,14 @@ class ServicePresence:
         database: Database,
         *,
         host: str | None = None,
+        is_only: bool = False,
         seconds: float = SEEN_SECONDS,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._database = database
         self._host = host or this_host()
         self._name = new_worker_name(self._host)
+        self._is_only = is_only
         self._seconds = seconds
         self._clock = clock
         # On a full disk some writes succeed and others do not.
@@ -109,11 +114,26 @@ class ServicePresence:
             self._thread.join(_STOP_SECONDS)
 
     def _keep(self) -> None:
+        if self._is_only:
+            self._tell_of_others()
         while not self._stopping.is_set():
             self.write()
             self._stopping.wait(self._seconds if self._fault is None else min(self._seconds, _RETRY_SECONDS))
         with contextlib.suppress(SQLAlchemyError), self._database.write_rows(is_work=False) as connection:
             connection.execute(delete(_workers).where(_workers.c.name == self._name))
+
+    def _tell_of_others(self) -> None:
+        # What is wrong with the database the first write tells.
+        with contextlib.suppress(SQLAlchemyError), self._database.read_rows() as connection:
+            for host, process, seconds in _services(connection):
+                # A name is given again where a machine or a container has restarted, and so is a number.
+                if host == self._host and (process == os.getpid() or not _is_alive(process)):
+                    continue
+                logger.warning(
+                    "another service uses this database: process %d of %s (seen %.0f s ago). Workers of "
+                    "either compute the jobs of both, but each counts requests and waiting clients by itself",
+                    *(process, host, max(seconds, 0.0)),
+                )
 
     def _shrink_log(self) -> None:
         if self._database.file is not None:
@@ -146,6 +166,27 @@ def who_is_present(connection: Connection) -> list[str]:
         for host, slots, seconds in connection.execute(statement)
         if abs(seconds) <= GONE_SECONDS
     ]
+
+
+def _services(connection: Connection) -> list[tuple[str, int, float]]:
+    """Return host, process and seconds of silence of each service that uses a database."""
+    silence = (DatabaseNow() - _workers.c.seen_at).label("silence")
+    statement = select(_workers.c.host, _workers.c.name, silence).where(_workers.c.engine == SERVICE)
+    return [
+        (host, int(name.rsplit(":", 2)[1]), seconds)
+        for host, name, seconds in connection.execute(statement)
+        if abs(seconds) <= GONE_SECONDS
+    ]
+
+
+def _is_alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True  # somebody else's
+    return True
 
 
 def _reason(fault: SQLAlchemyError) -> str:

@@ -43,6 +43,7 @@ def test_a_stream_is_never_compressed_or_kept_and_tells_at_once_that_it_is_open(
                 assert stream.status == 200
                 assert stream.headers["content-type"] == "text/event-stream; charset=utf-8"
                 assert stream.headers["cache-control"] == "no-store"
+                assert stream.headers["x-accel-buffering"] == "no"
                 assert {"etag", "content-encoding", "content-length"}.isdisjoint(stream.headers)
                 # Before anything was read.
                 assert stream._parts.get_nowait() == b": polhode\nretry: 2000\n\n"

@@ -14,11 +14,12 @@ from service.jobs.keys import KeyStanding, Role
 from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.keys.key_store import KeyStore
-from tests.support.api import STATE, TestClient, create_app, finish
+from tests.support.api import PLANAR, STATE, TestClient, create_app, finish
 from tests.support.keys import Clock, header, make
 
 pytestmark = pytest.mark.any_database
 
+QUESTION = {name: PLANAR[name] for name in ("body", "potential")}
 UNKNOWN = "01a1fcba-3232-7921-abd1-05ca72abad77"
 
 
@@ -130,6 +131,16 @@ def test_no_endpoint_is_open_without_a_good_key(app: FastAPI, database, client):
                 if method != "HEAD":
                     assert code(response) == expected
     assert client.get("/v1/jobs", headers=header(good)).status_code == 200
+
+
+def test_a_scraper_reads_metrics_only_and_a_reader_gets_verdicts(client, database):
+    scraper, reader = (make(database, role)[1] for role in (Role.METRICS, Role.READ))
+    assert client.get("/metrics", headers=scraper).status_code == 200
+    verdict = client.post("/v1/validations", json=QUESTION, headers=reader)
+    assert (verdict.status_code, verdict.json()["verdict"]) == (200, "admissible"), verdict.text
+    for method, path in (("GET", "/v1/jobs"), ("GET", "/v1/status"), ("POST", "/v1/validations")):
+        response = client.request(method, path, headers=scraper)
+        assert (response.status_code, response.json()["needed_role"]) == (403, "read")
 
 
 @pytest.mark.parametrize(

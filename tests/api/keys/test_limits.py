@@ -70,9 +70,9 @@ def test_requests_beyond_the_rate_of_a_key_are_told_when_to_come_again(client, c
 
 
 def test_what_a_key_may_not_do_counts_as_well(client, clock, database):
-    sent = make(database, Role.READ, requests_per_second=1.0)[1]
-    assert client.get("/metrics", headers=sent).status_code == 403
-    assert client.get("/v1/jobs", headers=sent).status_code == 429
+    sent = make(database, Role.METRICS, requests_per_second=1.0)[1]
+    assert client.get("/v1/jobs", headers=sent).status_code == 403
+    assert client.get("/metrics", headers=sent).status_code == 429
 
 
 def test_without_keys_everybody_shares_the_rate_of_the_installation(sqlite_url):

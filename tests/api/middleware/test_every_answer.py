@@ -1,20 +1,26 @@
 """What every answer says of itself, and which pages may read it."""
 
+import asyncio
+import json
 import re
+from datetime import UTC, datetime
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from service.api.descriptions import recorded
 from service.api.keys.limits import TokenBucket
 from service.app import create_app
 from service.jobs.keys import Role
+from service.schemas.reading.documents import instant_text
 from service.settings import Settings
 from service.storage.jobs.job_store import SqlJobStore
 from service.versions import version_of
 from tests.support.api import STATE, TestClient
 from tests.support.keys import make
+from tests.support.streams import started
 
 pytestmark = pytest.mark.any_database
 
@@ -29,6 +35,66 @@ def shared(sqlite_url, verdicts):
     settings = Settings(database_url=sqlite_url, cors_origins="https://a.example, https://plots.example")
     with TestClient(create_app(settings, sandbox=verdicts)) as client:
         yield client
+
+
+@pytest.mark.parametrize("scheme", ["http", "HTTPS"])
+def test_a_target_in_absolute_form_is_that_of_its_path(app, scheme):
+    """RFC 9112, 3.2.2: a server accepts it, and its authority replaces the header Host."""
+    asked = {
+        "type": "http",
+        "method": "GET",
+        "http_version": "1.1",
+        "scheme": "http",
+        "client": ("127.0.0.1", 1),
+        "root_path": "",
+        "path": f"{scheme}://127.0.0.1:8000/v1/families",
+        "raw_path": f"{scheme}://127.0.0.1:8000/v1/families".encode(),
+        "query_string": b"",
+        "headers": [(b"host", b"elsewhere.example")],
+    }
+
+    async def answered(scope):
+        statuses, parts = [], []
+
+        async def receive():
+            return {"type": "http.request", "body": b"", "more_body": False}
+
+        async def send(message):
+            statuses.append(message.get("status"))
+            parts.append(message.get("body", b""))
+
+        await app(scope, receive, send)
+        return statuses[0], b"".join(parts)
+
+    async def both():
+        async with started(app):
+            usual = {**asked, "path": "/v1/families", "raw_path": b"/v1/families"}
+            usual["headers"] = [(b"host", b"127.0.0.1:8000")]
+            return await answered(asked), await answered(usual)
+
+    ours, theirs = asyncio.run(both())
+    assert ours[0] == 200
+    assert ours == theirs
+
+
+def test_instants_end_in_z_since_a_url_makes_a_blank_of_plus():
+    shown = json.dumps(recorded())
+    assert re.findall(r"\d\d:\d\d(?:\.\d+)?\+\d\d", shown) == []
+    assert re.findall(r"\d{4}-\d\d-\d\dT[\d:.]+(?!\.?\d)(.)", shown) != []
+    moment = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
+    assert instant_text(moment) == "2026-01-02T03:04:05Z"
+    assert datetime.fromisoformat(instant_text(moment)) == moment
+
+
+@pytest.mark.parametrize("zone", ["Z", "%2B00:00", "-00:00"])
+def test_conditions_accept_both_ends_of_an_instant(client, zone):
+    client.post("/v1/jobs", json=STATE)
+    path = "/v1/jobs?count=exact&where=created_at%3E=2020-01-01T00:00:00"
+    assert client.get(path + zone).json()["total"] == 1
+    made = client.get("/v1/jobs").json()["items"][0]["created_at"]
+    assert made.endswith("Z")
+    # As it is shown it can be put into a URL; doubles round its last digit.
+    assert client.get(f"/v1/jobs?count=exact&where=created_at>={made[:19]}Z").json()["total"] == 1
 
 
 def test_every_answer_says_who_gives_it_and_to_which_request(client, monkeypatch):

@@ -207,7 +207,10 @@ def test_an_audit_is_a_job_that_lives_as_others(client, jobs):
     assert [each["id"] for each in client.get(path).json()["items"]] == [cancelled, its_id]
     page = client.get(path, params={"limit": 1, "where": "state=succeeded", "columns": "id,period"}).json()
     assert page["items"] == [{"id": its_id, "period": solution["period"]["value"]}]
-    assert client.get(client.get(path, params={"limit": 1}).json()["next"]).json()["items"][0]["id"] == its_id
+    assert (
+        client.get(path + client.get(path, params={"limit": 1}).json()["next"]).json()["items"][0]["id"]
+        == its_id
+    )
 
 
 def test_an_equal_problem_still_reuses_the_first_solution(client, jobs):

@@ -1,12 +1,17 @@
 """GET /metrics, as a Prometheus server reads it."""
 
+import json
 import math
 import re
+import shutil
+import subprocess
 import time
+from http import HTTPStatus
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+import yaml
 from prometheus_client.parser import text_string_to_metric_families
 from sqlalchemy import text
 
@@ -257,3 +262,108 @@ def test_the_documentation_names_every_metric_and_no_other(client, stored, scrap
 def test_the_states_that_are_counted_are_those_that_end(scrape):
     told = {s.labels["state"] for s in scrape().families["polhode_jobs"].samples}
     assert told == {JobState.QUEUED.value, JobState.RUNNING.value}
+
+
+def expressions(file):
+    """Return all expressions of the rules, or of the panels of the dashboard."""
+    document = yaml.safe_load((TOP / "docker" / file).read_text(encoding="utf-8"))
+    if "groups" in document:
+        return [rule["expr"] for group in document["groups"] for rule in group["rules"]]
+    return [target["expr"] for panel in document["panels"] for target in panel["targets"]]
+
+
+@pytest.mark.any_database
+@pytest.mark.parametrize("file", ["alerts.yaml", "grafana.json"])
+def test_alerts_and_panels_ask_for_metrics_labels_and_values_that_there_are(
+    client, stored, database, scrape, file
+):
+    client.get("/livez")
+    with database.write() as session:
+        now = session.scalar(DatabaseNow().select())
+        session.add(WorkerRow(name="a", host="h", engine="local", slots=2, started_at=now, seen_at=now))
+    families = [
+        *scrape().families.values(),
+        *WorkerCollector(lambda: WorkerStanding(Restarts())).collect(),
+    ]
+    samples = [sample for family in families for sample in family.samples]
+    assert {sample.name for sample in samples} > {"polhode_job_seconds_bucket", "polhode_workers"}
+    asked = expressions(file)
+    assert len(asked) > 9
+    for expression in asked:
+        names = set(re.findall(r"\b(?:polhode|process)_\w+", expression))
+        assert names or expression.startswith("up{")
+        found = [sample for sample in samples if sample.name in names]
+        assert {sample.name for sample in found} == names, expression
+        # Prometheus adds the labels of what it scrapes, and a target's own status.
+        values = {"job": {"polhode"}, "instance": set()}
+        for sample in found:
+            for label, value in sample.labels.items():
+                values.setdefault(label, set()).add(value)
+        for group in re.findall(r"\b(?:by|without) \(([^)]*)\)", expression):
+            assert set(group.split(", ")) <= set(values), expression
+        for label, value in re.findall(r'(\w+)="([^"]*)"', expression):
+            # There is a sample of a status once there was such an answer.
+            assert value in values[label] or (label == "status" and HTTPStatus(int(value))), expression
+
+
+def test_panels_do_not_overlap_and_every_one_has_a_unit_and_a_legend():
+    panels = json.loads((TOP / "docker" / "grafana.json").read_text(encoding="utf-8"))["panels"]
+    cells = [
+        (panel["gridPos"]["x"] + i, panel["gridPos"]["y"] + j)
+        for panel in panels
+        for i in range(panel["gridPos"]["w"])
+        for j in range(panel["gridPos"]["h"])
+    ]
+    assert len(cells) == len(set(cells))
+    assert {x for x, _ in cells} == set(range(24))  # the width of a dashboard
+    assert len({panel["id"] for panel in panels}) == len(panels)
+    for panel in panels:
+        assert panel["fieldConfig"]["defaults"]["unit"]
+        assert all(target["legendFormat"] for target in panel["targets"])
+
+
+PROMTOOL = shutil.which("promtool")
+QUIET = """
+evaluation_interval: 1m
+rule_files: [{alerts}]
+tests:
+  - interval: 1m
+    input_series:
+      - {{series: 'polhode_jobs{{state="queued", kind="solve"}}', values: '1x20'}}
+      - {{series: 'polhode_workers{{engine="local"}}', values: '{workers}'}}
+      - {{series: 'polhode_attempts_total{{outcome="lost"}}', values: '{lost}'}}
+    alert_rule_test:
+      - {{eval_time: 18m, alertname: PolhodeNoWorkers, exp_alerts: {no_workers}}}
+      - {{eval_time: 18m, alertname: PolhodeWorkersDie, exp_alerts: {dying}}}
+"""
+
+
+@pytest.mark.skipif(PROMTOOL is None, reason="not installed: apt-get install prometheus")
+@pytest.mark.parametrize("is_well", [True, False])
+def test_prometheus_reads_the_rules_and_alerts_when_it_should(tmp_path, is_well):
+    alerts = TOP / "docker" / "alerts.yaml"
+    rules = yaml.safe_load(alerts.read_text(encoding="utf-8"))["groups"][0]["rules"]
+    said = {rule["alert"]: rule["annotations"] for rule in rules}
+
+    def expected(name, severity):
+        alert = {"exp_labels": {"severity": severity}, "exp_annotations": said[name]}
+        return json.dumps([] if is_well else [alert])
+
+    # Of no workers there is no sample. Each minute one attempt is lost: 15 in a quarter of an hour.
+    text = QUIET.format(
+        alerts=alerts,
+        workers="1x20" if is_well else "_x20",
+        lost="0x20" if is_well else "0+1x20",
+        no_workers=expected("PolhodeNoWorkers", "page"),
+        dying=expected("PolhodeWorkersDie", "ticket"),
+    )
+    (tmp_path / "test.yaml").write_text(text, encoding="utf-8")
+    done = subprocess.run([PROMTOOL, "test", "rules", tmp_path / "test.yaml"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    config = (TOP / "docker" / "prometheus.yaml").read_text(encoding="utf-8")
+    (tmp_path / "key").touch()
+    config = config.replace("/etc/prometheus/polhode.key", str(tmp_path / "key"))
+    (tmp_path / "prometheus.yaml").write_text(config, encoding="utf-8")
+    shutil.copy(alerts, tmp_path)
+    checked = subprocess.run([PROMTOOL, "check", "config", tmp_path / "prometheus.yaml"], capture_output=True)
+    assert checked.returncode == 0, checked.stdout + checked.stderr

@@ -14,7 +14,7 @@ from service.dynamics.sampling import exact_instants
 from service.jobs.records import Solved
 from service.storage.codecs.packing import decode_arrays
 from service.verdicts.examination import examine_problems
-from tests.benchmarks.kept import forgetful
+from tests.benchmarks.cached_examinations import forgetful
 from tests.benchmarks.measuring import Effort, Result, Table, clock, in_words, median
 from tests.benchmarks.motions import DOUBLE, LIBRATION, NU_1, FloatArray, Measured
 from tests.support.examinations import examination_of

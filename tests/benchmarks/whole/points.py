@@ -12,8 +12,8 @@ POINTS = 2000
 WARM = 8
 MOST = 100_000
 _NUMBERS = ("period", "energy", "error")
-_OUTPUTS = ["period", "gamma", "omega"]
-_BASE: Mapping[str, object] = {
+OUTPUTS = ["period", "gamma", "omega"]
+BASE: Mapping[str, object] = {
     "body": {"A": 2, "B": "3/2", "C": 1},
     "potential": {"type": "expression", "expression": "a*g1 + b/g3^2", "parameters": {"a": -1, "b": "1/20"}},
     "motion": {"type": "planar", "lambda": 1},
@@ -23,7 +23,7 @@ _BASE: Mapping[str, object] = {
 _LINEAR = "1e-9"
 
 
-def _axis(pointer: str, first: object, last: object) -> Mapping[str, object]:
+def axis(pointer: str, first: object, last: object) -> Mapping[str, object]:
     return {"pointer": pointer, "linspace": [first, last, 1000]}
 
 
@@ -37,38 +37,38 @@ def _drawn(pointer: str, first: object, last: object, seed: int) -> Mapping[str,
     return {"pointer": pointer, "uniform": [first, last, 1000], "seed": seed}
 
 
-def _expression(text: str, **parameters: object) -> Mapping[str, object]:
+def expression(text: str, **parameters: object) -> Mapping[str, object]:
     return {"type": "expression", "expression": text, "parameters": parameters}
 
 
 def points(effort: Effort) -> Table:
     """Return the processor time of a point of each kind, beside the one at 1e-9."""
-    seconds = {name: _point(document, effort) for name, document in _sweeps().items()}
+    seconds = {name: _point(document, effort) for name, document in sweeps().items()}
     rows = [(name, in_words(seconds[name]), f"{seconds[name] / seconds[_LINEAR]:.1f}×") for name in seconds]
     remark = "A = 2C, 101 samples to t = 10 unless the row says otherwise; along λ, in one process."
     return Table("What a point of a sweep costs", remark, ("sweep", "a point", "against 1e-9"), tuple(rows))
 
 
-def _sweeps() -> dict[str, Mapping[str, object]]:
+def sweeps() -> dict[str, Mapping[str, object]]:
     return {
-        _LINEAR: _sweep(),
-        "draft": _sweep(accuracy={"tier": "draft"}),
-        "standard": _sweep(accuracy={"tier": "standard"}),
-        "high": _sweep(accuracy={"tier": "high"}),
-        "1e-12": _sweep(accuracy={"tolerance": 1e-12}),
-        "drifts kept": _sweep(("invariants.energy.drift",), outputs=[*_OUTPUTS, "invariants"]),
-        "Kovalevskaya's integral kept": _sweep(
+        _LINEAR: sweep_of(),
+        "draft": sweep_of(accuracy={"tier": "draft"}),
+        "standard": sweep_of(accuracy={"tier": "standard"}),
+        "high": sweep_of(accuracy={"tier": "high"}),
+        "1e-12": sweep_of(accuracy={"tolerance": 1e-12}),
+        "drifts kept": sweep_of(("invariants.energy.drift",), outputs=[*OUTPUTS, "invariants"]),
+        "Kovalevskaya's integral kept": sweep_of(
             ("invariants.kovalevskaya.drift",),
-            outputs=[*_OUTPUTS, "invariants"],
+            outputs=[*OUTPUTS, "invariants"],
             body={"A": 2, "B": 2, "C": 1},
             potential={"type": "gravity", "a": -1},
         ),
-        "orientation kept": _sweep(("precession.psi1",), outputs=[*_OUTPUTS, "orientation"]),
-        "stability kept": _sweep(("stability.trace",), outputs=[*_OUTPUTS, "stability"]),
-        "without a motion": _sweep(potential={"type": "gravity", "a": 1}),
-        "A alone": _sweep(axes=[_axis("/body/A", "3/2", "5/2")], potential=_POWERS),
-        "C alone": _sweep(axes=[_axis("/body/C", "7/10", "6/5")], potential=_POWERS),
-        "A, C, a coefficient and λ, drawn": _sweep(
+        "orientation kept": sweep_of(("precession.psi1",), outputs=[*OUTPUTS, "orientation"]),
+        "stability kept": sweep_of(("stability.trace",), outputs=[*OUTPUTS, "stability"]),
+        "without a motion": sweep_of(potential={"type": "gravity", "a": 1}),
+        "A alone": sweep_of(axes=[axis("/body/A", "3/2", "5/2")], potential=_POWERS),
+        "C alone": sweep_of(axes=[axis("/body/C", "7/10", "6/5")], potential=_POWERS),
+        "A, C, a coefficient and λ, drawn": sweep_of(
             axes=[
                 _drawn("/body/A", "17/10", "5/2", 1),
                 _drawn("/body/C", "3/4", "5/4", 2),
@@ -78,49 +78,51 @@ def _sweeps() -> dict[str, Mapping[str, object]]:
             combine="zip",
             potential=_POWERS,
         ),
-        "A alone, refused: no motion": _sweep(axes=[_axis("/body/A", "3/2", "5/2")], potential=_REPELLING),
-        "A alone, refused: inadmissible": _sweep(
-            axes=[_axis("/body/A", "3/2", "19/10")], potential={"type": "gravity", "a": -1}
+        "A alone, refused: no motion": sweep_of(axes=[axis("/body/A", "3/2", "5/2")], potential=_REPELLING),
+        "A alone, refused: inadmissible": sweep_of(
+            axes=[axis("/body/A", "3/2", "19/10")], potential={"type": "gravity", "a": -1}
         ),
-        "an exponent alone, refused": _sweep(
-            axes=[_axis("/potential/parameters/k", "1/2", 3)],
-            potential=_expression("b/abs(g3)^k - g1", b=1, k=1),
+        "an exponent alone, refused": sweep_of(
+            axes=[axis("/potential/parameters/k", "1/2", 3)],
+            potential=expression("b/abs(g3)^k - g1", b=1, k=1),
         ),
-        "an exponent and A": _sweep(
+        "an exponent and A": sweep_of(
             axes=[
                 {"pointer": "/potential/parameters/k", "values": [1, 2, 3, 4, 5]},
                 {"pointer": "/body/A", "linspace": ["7/4", "9/4", 90]},
             ],
-            potential=_expression(
+            potential=expression(
                 "-abs(g1)^(2*(A-C)/A) + c/abs(g3)^(2*(A-C)/C) + (A*g1^2 + C*g3^2)*g2^k/10", c="1/20", k=2
             ),
         ),
-        "a parameter under exp alone": _sweep(
-            axes=[_axis("/potential/parameters/k", 0, 1)],
-            potential=_expression("b/g3^2 - exp(k)*g1", b="1/50", k=1),
+        "a parameter under exp alone": sweep_of(
+            axes=[axis("/potential/parameters/k", 0, 1)],
+            potential=expression("b/g3^2 - exp(k)*g1", b="1/50", k=1),
         ),
-        "the end of the times": _sweep(axes=[_axis("/time/stop", 1, 20)]),
-        "signs and λ": _sweep(
-            axes=[{"pointer": "/motion/g3_sign", "values": [1, -1]}, _axis("/motion/lambda", "6/10", 2)],
+        "the end of the times": sweep_of(axes=[axis("/time/stop", 1, 20)]),
+        "signs and λ": sweep_of(
+            axes=[{"pointer": "/motion/g3_sign", "values": [1, -1]}, axis("/motion/lambda", "6/10", 2)],
             motion={"type": "planar", "lambda": 1, "g3_sign": 1},
         ),
-        "A, and a thousand λ": _sweep(axes=[_MOMENTS, _axis("/motion/lambda", "6/10", 2)], potential=_POWERS),
-        "a parameter under exp, and λ": _sweep(
+        "A, and a thousand λ": sweep_of(
+            axes=[_MOMENTS, axis("/motion/lambda", "6/10", 2)], potential=_POWERS
+        ),
+        "a parameter under exp, and λ": sweep_of(
             axes=[
                 {"pointer": "/potential/parameters/k", "values": [1, "3/2", 2]},
-                _axis("/motion/lambda", "6/10", 2),
+                axis("/motion/lambda", "6/10", 2),
             ],
-            potential=_expression("b/g3^2 - exp(k)*g1", b="1/50", k=1),
+            potential=expression("b/g3^2 - exp(k)*g1", b="1/50", k=1),
         ),
-        "from any state": _sweep(
-            axes=[_axis("/motion/omega/0", "1/10", "9/10")],
+        "from any state": sweep_of(
+            axes=[axis("/motion/omega/0", "1/10", "9/10")],
             keep=("energy", "error"),
             motion={"type": "state", "omega": ["1/2", "1/10", 1], "gamma": ["3/5", 0, "4/5"]},
         ),
     }
 
 
-def _sweep(
+def sweep_of(
     more: tuple[str, ...] = (),
     *,
     axes: Sequence[Mapping[str, object]] = (_LAMBDA,),
@@ -128,7 +130,7 @@ def _sweep(
     combine: str = "grid",
     **fields: object,
 ) -> Mapping[str, object]:
-    return {"base": {**_BASE, **fields}, "axes": [*axes], "combine": combine, "keep": [*keep, *more]}
+    return {"base": {**BASE, **fields}, "axes": [*axes], "combine": combine, "keep": [*keep, *more]}
 
 
 def _point(document: Mapping[str, object], effort: Effort) -> float:

@@ -9,7 +9,7 @@ from flint import arb, ctx
 from service.dynamics.classical.classification import relations_of
 from service.schemas.problem.problem import read_problem
 from tests.conformance.classical.specimens import LOOPS, example, placed, random_documents
-from tests.support.effort import examples, seldom
+from tests.support.effort import examples, one_in, seldom
 from tests.support.taylor import BITS, Equations, ball, integrate, state_at
 from workers.computation.compute import solve
 
@@ -44,14 +44,8 @@ def test_no_claim_of_a_classical_motion_is_exceeded_and_none_is_far_too_large(na
     assert claim <= 5e-13
 
 
-SLOW = ("steklov", "goriatchev")
-"""Cases whose references take ten seconds; the others are like them."""
-
-
-@pytest.mark.parametrize(
-    "name",
-    [*(name for name in LOOPS if name not in SLOW), *seldom(*(name for name in LOOPS if name in SLOW))],
-)
+# References take up to ten seconds.
+@pytest.mark.parametrize("name", one_in(4, LOOPS))
 def test_what_high_promises_is_kept_and_true(name):
     error, claim = error_and_claim(example(name), 1e-13, 10, 101)
     assert error <= claim <= 1e-13
@@ -83,6 +77,7 @@ def test_hess_keeps_what_high_promises_for_thirty_units_of_time():
     assert error <= claim <= 1e-13
 
 
+@pytest.mark.long
 def test_a_claim_of_hess_knows_how_errors_grow():
     """A start where the angle has come from: it leaves that periodic motion, and takes its errors with it."""
     statement = example("hess")

@@ -21,6 +21,7 @@ from service.dynamics.classical.cases import (
 )
 from service.dynamics.classical.protocol import derivative, value
 from tests.conformance.classical.exact import InTime, OnCurve, Residue
+from tests.support.effort import one_in
 
 PLACES = [Fraction(k, 7) for k in range(-19, 20, 2)]
 """More than the degree in x of any residual: at most 12, times the denominators."""
@@ -64,7 +65,7 @@ SECOND = {
 }
 
 
-@pytest.mark.parametrize("name", SECOND)
+@pytest.mark.parametrize("name", one_in(3, SECOND))
 def test_the_equations_hold_for_every_body_of_the_condition(name: str):
     module, second = SECOND[name]
     for B in BODIES:

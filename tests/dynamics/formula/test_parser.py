@@ -33,6 +33,44 @@ def test_the_position_is_that_of_the_fault(text: str, position: int) -> None:
     assert caught.value.code == "formula"
 
 
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ("+g1", "g1"),
+        ("+ +g1", "g1"),
+        ("a*+g1", "a*g1"),
+        ("g2^+2", "g2^2"),
+        ("-+g1", "-g1"),
+        ("+g1^2", "g1^2"),
+    ],
+)
+def test_the_sign_plus_changes_nothing(text: str, same: str) -> None:
+    assert parse(text) == parse(same)
+    located = parse_located(text)
+    assert len(located.positions) == len(post_order(located.tree))
+
+
+@pytest.mark.parametrize(
+    ("character", "name", "written"),
+    [
+        ("\u2212", "minus sign", "write -"),
+        ("\u00b7", "middle dot", "write *"),
+        ("\u00b2", "superscript two", "write ^2"),
+        ("\u03c0", "greek small letter pi", "write pi"),
+        ("\u00a0", "no-break space", "write a blank"),
+        ("\u200b", "zero width space", "write nothing"),
+    ],
+)
+def test_a_character_from_a_page_is_named_with_what_is_written_for_it(
+    character: str, name: str, written: str
+) -> None:
+    with pytest.raises(FormulaError) as caught:
+        parse(f"g1{character}")
+    assert f"(U+{ord(character):04X}, {name})" in caught.value.message
+    assert written in caught.value.message
+    assert caught.value.position == 2
+
+
 def test_every_node_knows_its_place() -> None:
     text = "a*sin(b - 2)^-c"
     located = parse_located(text)

@@ -146,6 +146,41 @@ def test_error_at_adds_rounding_and_what_the_phase_does():
     assert late == pytest.approx(0.995e-9, rel=1e-3)
 
 
+@given(st.floats(-1, 1), st.floats(0, 20), st.floats(0, 6.28))
+def test_a_phase_that_is_lost_is_claimed_however_far_it_is(part, phase, time):
+    """Whatever the phase is within its bound, even after whole periods: the claim covers the difference."""
+    turn = Period(2 * np.pi, 2.4492935982947064e-16, phase / 1000)
+    solution = dense(waves, np.linspace(0.0, turn.hi, 5).tolist(), 30, turn)
+    late = np.array([time + 1000 * turn.hi])
+    there = waves(late + part * phase)
+    claimed = solution.errors_at(late)
+    # 1000 turns as a double are off by roundings of 6000, and the series by a few.
+    allowed = np.array(list(claimed.values())) + 8 * ULP * 1000 * turn.hi
+    assert (np.abs(there - solution(late)) <= allowed).all()
+    # Not beyond the range, of which the coefficients tell a bound.
+    assert max(claimed.values()) <= 4
+
+
+@given(st.floats(1e-3, 1e3), st.integers(-(10**6), 10**6))
+def test_claims_grow_where_no_double_counts_the_periods(hi, offset):
+    """A period known exactly, and so many of them that n is no double: the state is any on the orbit."""
+    period = Period(hi, 0.0, 0.0)
+    scale = 2 * np.pi / hi
+
+    def columns(times):
+        return np.stack([np.sin(scale * times), np.cos(scale * times)], axis=-1)
+
+    solution = dense(columns, np.linspace(0.0, hi, 5).tolist(), 30, period)
+    for turns in (2**51, 2**53, 2**57):
+        time = float((turns + offset) * Fraction(hi) + Fraction(hi) / 3)
+        exact = columns(np.array([float(Fraction(time) % Fraction(hi))]))
+        found, claimed = solution(np.array([time]))[0], solution.errors_at(np.array([time]))
+        # The reference: its time is rounded once.
+        assert (np.abs(found - exact[0]) <= np.array(list(claimed.values())) + 8 * ULP).all()
+        # Below 2^52 as sharp as ever, beyond never above the range.
+        assert max(claimed.values()) <= (1e-13 if turns < 2**52 else 4)
+
+
 def climbing(advance: Advance, error: float = 0.0) -> DenseOutput:
     """sin t, and t itself in parts of ``advance`` per turn."""
     turn = Period(2 * np.pi, 2.4492935982947064e-16, error)

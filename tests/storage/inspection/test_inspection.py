@@ -225,6 +225,7 @@ DAMAGE = [
 ]
 
 
+@pytest.mark.any_database
 @pytest.mark.parametrize(("statement", "code", "is_mended"), DAMAGE)
 def test_damage_is_found_and_mended_if_that_loses_nothing(rehearsal, statement, code, is_mended):
     with rehearsal.write() as session:

@@ -64,6 +64,7 @@ class Model:
     claim: Claim | None = None
     reused: bool = False
     alone: bool = False
+    has_begun: bool = False
     outcomes: list = field(default_factory=list)
 
     def end(self, state, outcome, ready_at=0.0):
@@ -109,7 +110,9 @@ class JobMachine(RuleBasedStateMachine):
         ended = [at for by, other, at in self.unended if by == worker and other != job.id]
         beside = any(each.claim.worker == worker for each in others)
         beside = beside or any(at >= job.began_at for at in ended)
-        return not job.alone or (beside and job.outcomes.count(AttemptOutcome.RETURNED) < MOST_DOUBTS)
+        return not job.alone or (
+            (beside or not job.has_begun) and job.outcomes.count(AttemptOutcome.RETURNED) < MOST_DOUBTS
+        )
 
     def expect_taken(self, worker, count, taken):
         """Compare what was taken with the head of the queue; return the claims."""
@@ -129,7 +132,7 @@ class JobMachine(RuleBasedStateMachine):
             job = self.jobs[claim.job_id]
             assert (claim.worker, claim.attempt, claim.alone) == (worker, len(job.outcomes), job.alone)
             job.state, job.claim, job.lease_until = JobState.RUNNING, claim, self.clock.now + LEASE
-            job.began_at = self.clock.now
+            job.began_at, job.has_begun = self.clock.now, False
         return multiple(*taken.claims)
 
     @rule(digests=st.lists(st.sampled_from("abc"), min_size=1, max_size=3), priority=st.integers(-1, 1))
@@ -200,9 +203,16 @@ class JobMachine(RuleBasedStateMachine):
     @rule(claim=claims)
     def heartbeat(self, claim):
         job = self.holder(claim)
-        assert self.store.heartbeat(claim, lease_seconds=LEASE) == (job is not None)
+        assert bool(self.store.heartbeat([claim], lease_seconds=LEASE)) == (job is not None)
         if job is not None:
             job.lease_until = self.clock.now + LEASE
+
+    @rule(claim=claims)
+    def note_begun(self, claim):
+        job = self.holder(claim)
+        self.store.note_begun(claim)
+        if job is not None:
+            job.has_begun = True
 
     @rule(claim=claims)
     def cancel(self, claim):

@@ -19,6 +19,7 @@ from service.jobs.records import (
     SolutionNotFoundError,
 )
 from service.storage.database.rows import new_id
+from service.storage.jobs.moves import BEGUN
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.effort import examples
@@ -100,7 +101,7 @@ def test_a_write_of_anybody_else_changes_nothing(jobs, database, stale):
     zombie = replace(claim(jobs), **stale)
     assert not succeed(jobs, zombie)
     assert not jobs.finish_failure(zombie, {"code": "x"})
-    assert not jobs.heartbeat(zombie, lease_seconds=60)
+    assert not jobs.heartbeat([zombie], lease_seconds=60)
     assert not jobs.give_back(zombie)
     assert not jobs.lose(zombie, "x", max_attempts=3)
     assert jobs.held([zombie]) == frozenset()
@@ -125,7 +126,7 @@ def test_a_zombie_finds_its_job_finished_by_the_next(jobs, database):
 def test_a_heartbeat_keeps_the_lease(jobs):
     jobs.submit(PROBLEM, "digest")
     claimed = claim(jobs, lease_seconds=OVER)
-    assert jobs.heartbeat(claimed, lease_seconds=60)
+    assert jobs.heartbeat([claimed], lease_seconds=60)
     assert jobs.reconcile(max_attempts=3) == ()
     assert jobs.held([claimed]) == {claimed.job_id}
 
@@ -133,7 +134,7 @@ def test_a_heartbeat_keeps_the_lease(jobs):
 def test_a_job_that_kills_its_workers_is_given_up_with_its_history(jobs):
     job = jobs.submit(PROBLEM, "digest")
     for n in range(3):
-        claim(jobs, f"worker-{n}", OVER)
+        jobs.note_begun(claim(jobs, f"worker-{n}", OVER))
         jobs.reconcile(max_attempts=3)
     assert jobs.lose(claim(jobs, "worker-3"), "the child died of SIGSEGV", max_attempts=3)
     dead = jobs.get(job.id)
@@ -152,11 +153,39 @@ def test_what_was_lost_with_others_is_claimed_alone_and_before_the_others(jobs):
     for job_id in submitted[:3]:
         (claimed,) = jobs.take(f"worker of {job_id}", 1, **together).claims
         assert (claimed.job_id, claimed.alone) == (job_id, True)
+        jobs.note_begun(claimed)
     rest = jobs.take("another", 1, **together).claims
     assert [(c.job_id, c.alone) for c in rest] == [(job_id, False) for job_id in submitted[3:]]
-    # What is lost alone counts.
+    # What has begun and is lost alone counts.
     jobs.reconcile(max_attempts=1)
     assert [jobs.get(job_id).state for job_id in submitted] == [JobState.FAILED] * 3 + [JobState.QUEUED] * 3
+
+
+def test_a_job_with_which_no_child_has_begun_is_not_lost_with_its_worker(jobs):
+    job = jobs.submit(PROBLEM, "digest")
+    for number in range(MOST_DOUBTS):
+        claimed = claim(jobs, f"worker-{number}", OVER)
+        assert claimed.alone == (number > 0)
+        jobs.reconcile(max_attempts=1)
+    assert {attempt.outcome for attempt in jobs.attempts(job.id)} == {AttemptOutcome.RETURNED}
+    # Its worker may die of it sooner than it can say so: there is an end of it.
+    late = claim(jobs, "last", OVER)
+    jobs.reconcile(max_attempts=1)
+    assert jobs.get(job.id).error["code"] == "lost_worker"
+    # What ended is not written to any more.
+    jobs.note_begun(late)
+    assert jobs.attempts(job.id)[-1].detail == "the lease ended without a heartbeat"
+
+
+def test_of_a_job_that_succeeds_alone_nothing_is_left_of_its_beginning(jobs):
+    job = jobs.submit(PROBLEM, "digest")
+    claim(jobs, "first", OVER)
+    jobs.reconcile(max_attempts=3)
+    alone = claim(jobs, "second")
+    jobs.note_begun(alone)
+    assert jobs.attempts(job.id)[-1].detail == BEGUN
+    assert succeed(jobs, alone)
+    assert jobs.attempts(job.id)[-1].detail is None
 
 
 def test_two_that_a_worker_computed_beside_each_other_are_not_to_blame_for_its_loss(jobs):
@@ -203,7 +232,7 @@ def test_a_cancelled_job_never_becomes_succeeded(jobs, database):
     claimed = claim(jobs)
     assert jobs.cancel(job.id).state is JobState.CANCELLED
     assert jobs.held([claimed]) == frozenset()
-    assert not jobs.heartbeat(claimed, lease_seconds=60)
+    assert not jobs.heartbeat([claimed], lease_seconds=60)
     assert not succeed(jobs, claimed)
     assert jobs.get(job.id).state is JobState.CANCELLED
     assert count_results(database) == [0, 0, 0]
@@ -295,7 +324,7 @@ def take(jobs, job, step, claims):
             return
     elif step == "expire":
         for claimed in claims[-1:]:
-            jobs.heartbeat(claimed, lease_seconds=OVER)
+            jobs.heartbeat([claimed], lease_seconds=OVER)
         jobs.reconcile(max_attempts=2)
     else:
         for claimed in reversed(claims):

@@ -88,10 +88,10 @@ def test_revoking_what_is_not_there_is_an_error_that_repeats_no_secret(keys):
 
 @pytest.mark.parametrize(
     ("role", "may"),
-    [(Role.READ, 1), (Role.SUBMIT, 2), (Role.OPERATE, 3), (Role.ADMIN, 4)],
+    [(Role.METRICS, 1), (Role.READ, 2), (Role.SUBMIT, 3), (Role.OPERATE, 4), (Role.ADMIN, 5)],
 )
 def test_each_role_may_do_what_those_before_it_may(role, may):
-    assert [role.may(needed) for needed in Role] == [True] * may + [False] * (4 - may)
+    assert [role.may(needed) for needed in Role] == [True] * may + [False] * (5 - may)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Backups are whole while others write, and what is restored is a database in order."""
 
 import os
+import re
 import sqlite3
 import threading
 
@@ -202,7 +203,7 @@ def test_an_existing_file_is_replaced_only_if_asked(jobs, url, tmp_path):
     with pytest.raises(BackupError, match="exists already"):
         back_up(url, file)
     assert file.read_bytes() == b"precious"
-    back_up(url, file, replace=True)
+    back_up(url, file, force=True)
     assert file.read_bytes() != b"precious"
 
 
@@ -265,7 +266,10 @@ def test_without_the_client_programs_the_reason_says_so(postgres_url, tmp_path, 
 
 def test_passwords_are_not_among_the_arguments(tmp_path, monkeypatch, postgres_url):
     spy = tmp_path / "pg_dump"
-    spy.write_text('#!/bin/sh\necho "$@" > "$0.arguments"\necho "$PGPASSWORD" > "$0.password"\nexit 1\n')
+    version = '[ "$1" = --version ] && echo "pg_dump (PostgreSQL) 99.1" && exit\n'
+    spy.write_text(
+        f'#!/bin/sh\n{version}echo "$@" > "$0.arguments"\necho "$PGPASSWORD" > "$0.password"\nexit 1\n'
+    )
     spy.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
     # The server trusts everybody on its socket: whatever the password.
@@ -273,6 +277,41 @@ def test_passwords_are_not_among_the_arguments(tmp_path, monkeypatch, postgres_u
         back_up(postgres_url.replace("polhode@", "polhode:s3cret@"), tmp_path / "b")
     assert (tmp_path / "pg_dump.password").read_text() == "s3cret\n"
     assert "s3cret" not in (tmp_path / "pg_dump.arguments").read_text()
+
+
+def server_version(database: Database) -> str:
+    with database.read() as session:
+        return session.scalar(text("SHOW server_version"))
+
+
+def test_versions_are_told_and_an_older_program_than_the_server_is_refused_before_it_begins(
+    postgres_url, tmp_path, monkeypatch
+):
+    made = back_up(postgres_url, tmp_path / "b")
+    server = opened(postgres_url, server_version)
+    # The tests' own programs are those of their server.
+    assert re.fullmatch(r"pg_dump ([\d.]+) of a server \1", made.made_by)[1] == server.split()[0]
+    old = tmp_path / "pg_dump"
+    old.write_text('#!/bin/sh\necho "pg_dump (PostgreSQL) 9.6.24"\n')
+    old.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    major = server.partition(".")[0]
+    with pytest.raises(BackupError, match=rf"pg_dump 9\.6\.24 cannot .* postgresql-client-{major}\)"):
+        back_up(postgres_url, tmp_path / "c")
+    assert not (tmp_path / "c").exists()
+
+
+def test_a_backup_of_a_later_program_is_refused_with_both_versions(postgres_url, tmp_path, monkeypatch):
+    old = tmp_path / "pg_restore"
+    old.write_text(
+        '#!/bin/sh\n[ "$1" = --version ] && echo "pg_restore (PostgreSQL) 12.3" && exit\n'
+        'echo "pg_restore: error: unsupported version (1.16) in file header" >&2\nexit 1\n'
+    )
+    old.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    (tmp_path / "b").touch()
+    with pytest.raises(BackupError, match=r"\(1\.16\) .*: a pg_dump later than this pg_restore 12\.3 has"):
+        restore(postgres_url, tmp_path / "b")
 
 
 def test_counts_of_a_backup_are_those_of_its_tables(jobs, url, database, tmp_path):

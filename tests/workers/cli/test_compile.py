@@ -13,10 +13,11 @@ from pathlib import Path
 import pytest
 
 from service.jobs.kernels import KERNELS, Kernels
+from service.local.worker_process import FOLDER_VARIABLE
 from tests.workers.processes import ROOT, wait_until
 from workers.cli import compile as task
 from workers.computation import compiled_code
-from workers.computation.compiled_code import FOLDER_VARIABLE, GROUPS
+from workers.computation.compiled_code import GROUPS
 from workers.process import start as compiling
 from workers.process.start import Compiling
 

@@ -10,12 +10,12 @@ import pytest
 
 from service.jobs.queue import BatchSize
 from service.jobs.records import AttemptOutcome, Claim, JobKind, JobState
-from service.sandbox import Sandbox
 from tests.workers import chores
 from tests.workers.process.together import LIMITS, Together
 from tests.workers.processes import wait_until
 from workers.process import runner as runner_module
-from workers.process.batches import Ledger, compute_in_turn, shared_out
+from workers.process.batches import shared_out
+from workers.process.pool import Ledger, compute_in_turn
 from workers.process.results import JobLimits
 
 pytestmark = pytest.mark.any_database
@@ -33,15 +33,7 @@ class FiveAtOnce(BatchSize):
 
 
 @pytest.fixture
-def sandbox():
-    sandbox = Sandbox(1, memory_mb=LIMITS.memory_mb)
-    sandbox.start()
-    yield sandbox
-    sandbox.close()
-
-
-@pytest.fixture
-def together(jobs, sandbox, monkeypatch):
+def together(jobs, pool, monkeypatch):
     monkeypatch.setattr(runner_module, "BatchSize", FiveAtOnce)
     # Of a batch everything is begun, however busy the machine.
     monkeypatch.setattr(runner_module, "BATCH_SECONDS", 60.0)
@@ -49,15 +41,15 @@ def together(jobs, sandbox, monkeypatch):
 
     def start(**limits) -> Together:
         chosen = {name: getattr(LIMITS, name) for name in JobLimits.__slots__}
-        made.append(Together(jobs, sandbox, JobLimits(**{**chosen, **limits})))
-        counted = made[-1].batches
+        made.append(Together(jobs, pool, JobLimits(**{**chosen, **limits})))
+        counted, start_batch = made[-1].batches, pool.start
 
-        class Counted(Ledger):
-            def __init__(self):
-                super().__init__()
-                counted.append(1)
+        def start_counted(kind, calls, **terms):
+            if len(calls) > 1:
+                counted.append(len(calls))
+            return start_batch(kind, calls, **terms)
 
-        monkeypatch.setattr(runner_module, "Ledger", Counted)
+        monkeypatch.setattr(pool, "start", start_counted)
         return made[-1]
 
     yield start
@@ -155,6 +147,7 @@ def test_a_child_that_is_killed_from_outside_costs_an_attempt_of_the_one_that_it
     assert {tuple(crew.outcomes(job_id)) for job_id in (ids[0], *ids[2:])} == {(AttemptOutcome.SUCCEEDED,)}
 
 
+@pytest.mark.parametrize("pool", ["local"], indirect=True)  # its child is stopped
 def test_a_child_that_dies_before_it_begins_costs_nobody_an_attempt(together, sandbox):
     crew = together(max_attempts=1)
     child = sandbox.run(os.getpid, seconds=30)

@@ -5,7 +5,6 @@ from sqlalchemy.exc import OperationalError
 
 from service.jobs.queue import BatchSize
 from service.jobs.records import AttemptOutcome, JobState
-from service.sandbox import Sandbox
 from tests.workers.process.together import LIMITS, Together
 from tests.workers.processes import wait_until
 from workers.process import runner as runner_module
@@ -29,19 +28,11 @@ class EightAtOnce(BatchSize):
 
 
 @pytest.fixture
-def sandbox():
-    sandbox = Sandbox(1, memory_mb=LIMITS.memory_mb)
-    sandbox.start()
-    yield sandbox
-    sandbox.close()
-
-
-@pytest.fixture
-def crew(jobs, sandbox, monkeypatch):
+def crew(jobs, pool, monkeypatch):
     monkeypatch.setattr(runner_module, "BatchSize", EightAtOnce)
     # Of a batch everything is begun, however busy the machine.
     monkeypatch.setattr(runner_module, "BATCH_SECONDS", 60.0)
-    crew = Together(jobs, sandbox, LIMITS)
+    crew = Together(jobs, pool, LIMITS)
     yield crew
     crew.runner.give_back()
 

@@ -7,6 +7,7 @@ import pytest
 
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, JobState
+from service.storage.jobs.moves import BEGUN
 from tests.workers.processes import stop_between_transactions, wait_until
 
 LEASE = 1.0
@@ -141,6 +142,9 @@ def test_no_other_job_pays_for_the_one_at_which_workers_die(jobs, start_worker, 
     for deaths in range(1, 5):
         worker = start_worker(lease_seconds=LEASE, max_attempts=3)
         wait_until(lambda deaths=deaths: len(children(log)) == deaths)
+        if deaths > 1:
+            # It is computed alone, and its worker says that it has begun.
+            wait_until(lambda: jobs.attempts(deadly.id)[-1].detail == BEGUN)
         worker.kill()
     start_worker(lease_seconds=LONG, max_attempts=3)
     wait_until(lambda: all(jobs.get(job.id).is_finished for job in submitted))

@@ -1,11 +1,9 @@
 """The runner asks the store for the lanes that its worker has neglected."""
 
-from concurrent.futures import Future
-
 import pytest
 
 from service.jobs.queue import Lane
-from service.jobs.records import Claim, ClaimedJobs, JobKind, Solved
+from service.jobs.records import Claim, ClaimedJobs, Solved
 from workers.process import runner as runner_module
 from workers.process.results import JobLimits
 from workers.process.runner import Runner
@@ -38,7 +36,7 @@ class FakeStore:
     def finish(self, claim, outcome, *, then_take=0, lease_seconds=0.0, starved=(), together=1):
         return True, self.take("worker", then_take, lease_seconds=lease_seconds, starved=starved)
 
-    def held(self, claims):
+    def heartbeat(self, claims, *, lease_seconds):
         return frozenset()
 
     def _claim(self, lane):
@@ -46,15 +44,31 @@ class FakeStore:
         return Claim(str(self._number), 1, "worker", {}, "digest", None, lane=lane)
 
 
-class FakeSandbox:
+class FakeBatch:
+    begun, has_ended, ended_at, is_stuck = 1, False, 0.0, False
+
+    def __init__(self, began_at):
+        self.began_at = began_at
+
+    def kill(self):
+        pass
+
+    def outcomes(self):
+        return [OUTCOME]
+
+
+class FakePool:
     """Computes nothing: a job is done when the test says so."""
 
-    def __init__(self):
-        self.futures = []
+    def __init__(self, slots):
+        self.slots, self.batches = slots, []
 
-    def submit(self, *_, **__):
-        self.futures.append(Future())
-        return self.futures[-1]
+    def places(self):
+        return self.slots
+
+    def start(self, *_, **__):
+        self.batches.append(FakeBatch(runner_module.time.monotonic()))
+        return self.batches[-1]
 
 
 @pytest.fixture
@@ -65,29 +79,26 @@ def clock(monkeypatch):
 
 
 def started(store, slots=1):
-    runner = Runner(
-        store, sandbox := FakeSandbox(), {JobKind.SOLVE: len}, name="worker", slots=slots, limits=LIMITS,
-        wake=lambda: None,
-    )  # fmt: skip
+    runner = Runner(store, pool := FakePool(slots), name="worker", limits=LIMITS)
     runner.fill()
-    return runner, sandbox
+    return runner, pool
 
 
-def finish(runner, sandbox, clock, seconds):
+def finish(runner, pool, clock, seconds):
     """The jobs that run end ``seconds`` later, and others begin."""
     clock.now += seconds
-    done, sandbox.futures = sandbox.futures, []
-    for future in done:
-        future.set_result(OUTCOME)
+    done, pool.batches = pool.batches, []
+    for batch in done:
+        batch.has_ended, batch.ended_at = True, clock.now
     runner.collect(refill=True)
 
 
 @pytest.mark.parametrize("slots", [1, 3])
 def test_sweeps_get_their_eighth_while_single_jobs_never_end(clock, slots):
     store = FakeStore({Lane.SINGLE, Lane.SWEEP})
-    runner, sandbox = started(store, slots)
+    runner, pool = started(store, slots)
     for _ in range(400):
-        finish(runner, sandbox, clock, 1.0)
+        finish(runner, pool, clock, 1.0)
     number = len(store.handed_out)
     assert abs(store.handed_out.count(Lane.SWEEP) - number / 8) <= 2 * slots
     assert set(store.handed_out[:slots]) == {Lane.SINGLE}
@@ -95,24 +106,24 @@ def test_sweeps_get_their_eighth_while_single_jobs_never_end(clock, slots):
 
 def test_a_single_job_that_comes_among_sweeps_is_the_next(clock):
     store = FakeStore({Lane.SWEEP})
-    runner, sandbox = started(store)
+    runner, pool = started(store)
     for _ in range(100):
-        finish(runner, sandbox, clock, 1.5)
+        finish(runner, pool, clock, 1.5)
     store.waiting.add(Lane.SINGLE)
-    finish(runner, sandbox, clock, 1.5)
+    finish(runner, pool, clock, 1.5)
     assert store.handed_out[-1] is Lane.SINGLE
 
 
 def test_a_lane_in_which_nothing_waits_is_asked_once_and_saves_nothing_up(clock):
     store = FakeStore({Lane.SINGLE})
-    runner, sandbox = started(store)
+    runner, pool = started(store)
     for _ in range(80):
-        finish(runner, sandbox, clock, 1.0)
+        finish(runner, pool, clock, 1.0)
     asked = [starved for starved in store.asked if Lane.SWEEP in starved]
     assert 5 <= len(asked) <= 12  # once in about eight seconds, since it starts from its first debt each time
     store.waiting.add(Lane.SWEEP)
     for _ in range(8):
-        finish(runner, sandbox, clock, 1.0)
+        finish(runner, pool, clock, 1.0)
     assert store.handed_out[-8:].count(Lane.SWEEP) <= 2
 
 

@@ -9,7 +9,8 @@ from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
 from tests.workers import chores
 from tests.workers.processes import wait_until
-from workers.process import runner as runner_module
+from workers.process import pool as pool_module
+from workers.process.pool import ChildrenPool
 from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
@@ -26,11 +27,11 @@ def sandbox():
 
 def test_its_job_goes_to_a_new_child(jobs, sandbox, monkeypatch, tmp_path):
     # Shorter than in earnest, and long enough for a new child on a busy machine.
-    monkeypatch.setattr(runner_module, "START_SECONDS", 5.0)
+    monkeypatch.setattr(pool_module, "START_SECONDS", 5.0)
     limits = JobLimits(
         lease_seconds=3600.0, job_seconds=3600.0, memory_mb=1000, max_attempts=3, retry_seconds=0
     )
-    runner = Runner(jobs, sandbox, chores.CHORES, name="worker", slots=1, limits=limits, wake=lambda: None)
+    runner = Runner(jobs, ChildrenPool(sandbox, chores.CHORES, slots=1), name="worker", limits=limits)
     frozen = sandbox.run(os.getpid, seconds=30)
     os.kill(frozen, signal.SIGSTOP)
     job = jobs.submit({"log": str(tmp_path / "log")}, "digest")

@@ -1,12 +1,11 @@
-"""A runner with one child and the test's own loop, for jobs that share calls."""
+"""A runner with one place and the test's own loop, for jobs that share calls."""
 
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, JobState
-from service.sandbox import Sandbox
 from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
-from tests.workers import chores
 from tests.workers.processes import wait_until
+from workers.process.pool import Pool
 from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
@@ -16,11 +15,9 @@ LIMITS = JobLimits(lease_seconds=3600.0, job_seconds=3600.0, memory_mb=300, max_
 class Together:
     """A runner whose loop is the test's."""
 
-    def __init__(self, jobs: SqlJobStore, sandbox: Sandbox, limits: JobLimits) -> None:
+    def __init__(self, jobs: SqlJobStore, pool: Pool, limits: JobLimits) -> None:
         self.jobs = jobs
-        self.runner = Runner(
-            jobs, sandbox, chores.CHORES, name="worker", slots=1, limits=limits, wake=lambda: None
-        )
+        self.runner = Runner(jobs, pool, name="worker", limits=limits)
         self.batches: list[int] = []
         self.told: list[str] = []
 

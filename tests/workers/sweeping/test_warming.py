@@ -10,9 +10,9 @@ import pytest
 
 from service.dynamics.accuracy import TIERS
 from service.jobs.records import Refused
+from service.local.worker_process import FOLDER_VARIABLE
 from tests.support.commands import polhode
 from workers.computation import compiled_code
-from workers.computation.compiled_code import FOLDER_VARIABLE
 from workers.sweeping import warming
 
 ROOT = Path(__file__).parents[3]

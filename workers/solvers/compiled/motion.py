@@ -11,7 +11,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.motion import COLUMNS, Estimate
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.reduction.window import EndKind
-from service.dynamics.solution.dense_output import EPSILON, Period
+from service.dynamics.solution.dense_output import EPSILON, Period, turns_lost
 from workers.solvers.assembly.dense import MAX_RELATIVE_FINENESS, ResolvedMotion
 from workers.solvers.compiled.records import Loop, Records
 from workers.solvers.compiled.time_map.pieces import NODES, resolve_one
@@ -47,7 +47,7 @@ class Bounds:
         """Return the bound of any variable's error up to |t| = ``latest``, the period being known so well."""
         turns = latest / length
         # Turns times the rounding of the period's two doubles.
-        late = self.time + uncertainty * turns + turns * length * EPSILON**2
+        late = self.time + uncertainty * turns + turns * length * EPSILON**2 + turns_lost(turns) * length
         ulps = FORMULA_ULPS * EPSILON
         return np.asarray(late * self.speed + self.moved + (self.rate + ulps) * self.largest + ulps)
 

@@ -19,7 +19,7 @@ from service.dynamics.further_integrals import FurtherIntegral, find_further_int
 from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Problem
-from service.schemas.sweep.sweep import NUMBERS
+from service.schemas.sweep.sweep import DRIFT_NUMBERS, NUMBERS, keeps_further
 from workers.solvers.compiled.batch import Batch, solve_batch
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.integrals.of_many import drifts_of_many, further_drifts_of_many
@@ -40,12 +40,6 @@ Sign = Literal[1, -1]
 
 DRIFTS = ("energy", "geometric", "areas")
 """Integrals that every motion has."""
-_DRIFTS = {f"invariants.{name}.drift" for name in DRIFTS}
-
-
-def keeps_further(keep: Sequence[str]) -> bool:
-    """Tell whether further integrals are among the kept numbers; they depend on B."""
-    return any(name.startswith("invariants.") and name not in _DRIFTS for name in keep)
 
 
 class KeptIntegrals:
@@ -53,7 +47,7 @@ class KeptIntegrals:
 
     def __init__(self, body: RigidBody, keep: Sequence[str]) -> None:
         self._body = body
-        self.keeps_drifts = not _DRIFTS.isdisjoint(keep)
+        self.keeps_drifts = not DRIFT_NUMBERS.isdisjoint(keep)
         self._keeps_further = keeps_further(keep)
         self.names = tuple(name for name in keep if name.startswith("invariants."))
         self._known: tuple[Potential, Sign] | None = None

@@ -3,15 +3,15 @@
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Path, Request, Response
 from pydantic import Field
 
 from service.api.dependencies import Inside, Resources
-from service.api.middleware.heavy_answers import listed
-from service.api.queries.lists import AskingQuery, Listing, page_answer, read_listing
+from service.api.formats.lists import ListedRows, list_responses
+from service.api.middleware.heavy_answers import listed, read_list
+from service.api.queries.lists import AskingQuery, Listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
 from service.api.replies.records import solution_out
 from service.api.replies.responses import JSON, SolutionId, json_content, refusals
@@ -25,6 +25,7 @@ from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
 from service.storage.database.rows import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
+from service.storage.solutions.solution_store import SolutionPage
 from service.storage.solutions.standing import standing_and_annotation
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
@@ -60,8 +61,7 @@ class SolutionsQuery(AskingQuery):
 
 @router.get(
     "",
-    response_model=SolutionPageOut | QueryEstimateOut,
-    responses=refusals(),
+    responses=list_responses(SolutionPageOut | QueryEstimateOut),
     openapi_extra=query_parameters(SolutionsQuery),
 )
 async def list_solutions(
@@ -70,14 +70,13 @@ async def list_solutions(
     inside: Inside,
 ) -> Response:
     """Find solutions by their numbers; those without the number they are sorted by come last."""
-    listing = _listing(asked, ())
-    return await listed(request, inside, listing, partial(_page, request, listing, inside))
+    listing = await _listing(inside, asked, ())
+    return await listed(request, inside, listing, _listed(inside))
 
 
 @by_problem.get(
     "/{digest}/solutions",
-    response_model=SolutionPageOut | QueryEstimateOut,
-    responses=refusals(),
+    responses=list_responses(SolutionPageOut | QueryEstimateOut),
     openapi_extra=query_parameters(SolutionsQuery),
 )
 async def list_problem_solutions(
@@ -89,23 +88,30 @@ async def list_problem_solutions(
     """Find the solutions of one problem, as in the list of all; a digest that nobody has, has none."""
     problem = Subject("fact", "digest", Kind.TEXT)
     values = (digest,) if _DIGEST.match(digest) else ()
-    listing = _listing(asked, (Condition(problem, "in", values),))
-    return await listed(request, inside, listing, partial(_page, request, listing, inside))
+    listing = await _listing(inside, asked, (Condition(problem, "in", values),))
+    return await listed(request, inside, listing, _listed(inside))
 
 
-def _listing(asked: Asked[SolutionsQuery], conditions: tuple[Condition, ...]) -> Listing:
+async def _listing(
+    inside: Resources, asked: Asked[SolutionsQuery], conditions: tuple[Condition, ...]
+) -> Listing:
     given = asked.parameters
     if {"sort", "order"} <= asked.sent:
         both = Fault("?sort", "conflicting_parameters", "sort and order; one of the two is accepted")
         asked = replace(asked, faults=(*asked.faults, both))
-    return read_listing(
-        asked, OF_SOLUTION_ROWS, conditions=(*conditions, *_filters(given)), order=(_order(given.sort),)
+    return await read_list(
+        inside,
+        asked,
+        OF_SOLUTION_ROWS,
+        conditions=(*conditions, *_filters(given)),
+        order=(_order(given.sort),),
     )
 
 
-def _page(request: Request, listing: Listing, inside: Resources) -> Response:
-    page = inside.solutions.find(listing.query)
-    return page_answer(request, listing, SolutionPageOut, page, list(map(solution_out, page.solutions)))
+def _listed(inside: Resources) -> ListedRows[SolutionPage]:
+    return ListedRows(
+        SolutionPageOut, inside.solutions.find, lambda page: list(map(solution_out, page.solutions))
+    )
 
 
 @router.get(

@@ -11,21 +11,23 @@ from starlette.concurrency import run_in_threadpool
 from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
+from service.api.formats.lists import ListedRows, list_responses
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
-from service.api.middleware.heavy_answers import listed
+from service.api.middleware.heavy_answers import listed, read_list, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.lists import AskingQuery, Listing, PageQuery, page_answer, read_listing
-from service.api.queries.queries import Asked, asked_of, query_parameters, without_query
+from service.api.queries.lists import AskingQuery, PageQuery
+from service.api.queries.queries import Asked, QueryModel, asked_of, query_of, query_parameters, without_query
 from service.api.replies.records import sweep_out, sweep_state_out
 from service.api.replies.responses import SweepId, json_response, refusals
+from service.api.submission import ESTIMATE_WORK, estimate_sweep
 from service.jobs.chunking import largest_chunk
 from service.jobs.keys import ApiKey
-from service.jobs.records import Job, JobState, SweepRecord
+from service.jobs.records import Job, JobState, SweepPage, SweepRecord
 from service.jobs.store import GivenKey
 from service.schemas.query.conditions import in_state
 from service.schemas.reading.annotation import split_annotation
 from service.schemas.reading.documents import Document, Fault, Part
-from service.schemas.replies.analysis import QueryEstimateOut
+from service.schemas.replies.analysis import CostEstimateOut, QueryEstimateOut
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
 from service.schemas.sweep.reading import InvalidSweepError, read_sweep
@@ -68,26 +70,42 @@ class SweepsQuery(PageQuery):
     state: JobState | None = Field(default=None, description="Only sweeps in this state.")
 
 
+class SubmitSweepQuery(QueryModel):
+    """The wish for an estimate."""
+
+    estimate: bool = Field(default=False, description=ESTIMATE_WORK)
+
+
 @router.post(
     "",
     response_model=SweepOut,
     status_code=HTTPStatus.ACCEPTED,
-    responses=refusals(400, 408, 409, 413, 415, 503),
-    openapi_extra=request_body("SweepIn", EXAMPLES),
-    dependencies=[without_query],
+    responses={
+        200: {"model": CostEstimateOut, "description": "With `estimate`: the estimate"},
+        **refusals(400, 408, 409, 413, 415, 503),
+    },
+    openapi_extra={**request_body("SweepIn", EXAMPLES), **query_parameters(SubmitSweepQuery)},
 )
 async def submit_sweep(
     request: Request,
     content: Body,
     inside: Inside,
     holder: Holder,
+    query: Annotated[SubmitSweepQuery, Depends(query_of(SubmitSweepQuery))],
     idempotency_key: IdempotencyKey = None,
 ) -> Response:
     """Check a sweep and queue its first points; the others follow as those are done.
 
     The base must be a problem with the first value of each axis. Whether a
-    point has a motion is known when the point is computed.
+    point has a motion is known when the point is computed. With `estimate=true`
+    nothing is queued: the answer tells what the sweep would cost.
     """
+    if query.estimate:
+        document, sweep = await inside.reading.run(len(content), _checked, content, inside.settings)
+        check_priority(holder, int(document.get("priority", 0)), "/priority")
+        admit = partial(inside.limits.reserve_points, holder, sweep.points, is_estimate=True)
+        await run_in_threadpool(admit)
+        return json_response(await while_connected(request, estimate_sweep(inside, sweep, holder)))
     given = read_key(idempotency_key, request, content, holder)
 
     async def work() -> Response:
@@ -138,21 +156,19 @@ def _submitted(record: SweepRecord) -> Response:
 
 @router.get(
     "",
-    response_model=SweepPageOut | QueryEstimateOut,
-    responses=refusals(),
+    responses=list_responses(SweepPageOut | QueryEstimateOut),
     openapi_extra=query_parameters(SweepsQuery),
 )
 async def list_sweeps(
     request: Request, asked: Annotated[Asked[SweepsQuery], Depends(asked_of(SweepsQuery))], inside: Inside
 ) -> Response:
     """List sweeps without their documents, newest first or as asked."""
-    listing = read_listing(asked, OF_SWEEP_ROWS, conditions=in_state(asked.parameters.state))
-    return await listed(request, inside, listing, partial(_page, request, listing, inside))
+    listing = await read_list(inside, asked, OF_SWEEP_ROWS, conditions=in_state(asked.parameters.state))
+    return await listed(request, inside, listing, _listed(inside))
 
 
-def _page(request: Request, listing: Listing, inside: Resources) -> Response:
-    page = inside.sweeps.find(listing.query)
-    return page_answer(request, listing, SweepPageOut, page, list(map(sweep_state_out, page.sweeps)))
+def _listed(inside: Resources) -> ListedRows[SweepPage]:
+    return ListedRows(SweepPageOut, inside.sweeps.find, lambda page: list(map(sweep_state_out, page.sweeps)))
 
 
 @router.get("/{sweep_id}", response_model=SweepOut, responses=refusals(404), dependencies=[without_query])
@@ -177,8 +193,7 @@ def cancel_sweep(sweep_id: SweepId, inside: Inside, holder: Holder) -> Response:
 
 @router.get(
     "/{sweep_id}/jobs",
-    response_model=ChunkJobPageOut | QueryEstimateOut,
-    responses=refusals(404),
+    responses=list_responses(ChunkJobPageOut | QueryEstimateOut, 404),
     openapi_extra=query_parameters(AskingQuery),
 )
 async def list_sweep_jobs(
@@ -189,14 +204,10 @@ async def list_sweep_jobs(
 ) -> Response:
     """List the jobs that compute the points of a sweep, newest first or as asked."""
     record = await run_in_threadpool(inside.sweeps.get, sweep_id)
-    listing = read_listing(asked, chunks_of(record.id))
-    make = partial(_page_of_chunks, request, record.id, listing, inside)
-    return await listed(request, inside, listing, make)
-
-
-def _page_of_chunks(request: Request, sweep_id: str, listing: Listing, inside: Resources) -> Response:
-    page = inside.jobs.find_of_sweep(sweep_id, listing.query)
-    return page_answer(request, listing, ChunkJobPageOut, page, list(map(_chunk, page.jobs)))
+    listing = await read_list(inside, asked, chunks_of(record.id))
+    find = partial(inside.jobs.find_of_sweep, record.id)
+    rows = ListedRows(ChunkJobPageOut, find, lambda page: list(map(_chunk, page.jobs)))
+    return await listed(request, inside, listing, rows)
 
 
 def _chunk(job: Job) -> ChunkJobOut:

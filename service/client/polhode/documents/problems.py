@@ -117,16 +117,22 @@ def question(
     potential: str | Given,
     *,
     body: Body | None,
-    motion: Mapping[str, object] | None,
+    motion: Mapping[str, object] | None = None,
+    lam: Exact | None = None,
     numbers: Mapping[str, Exact],
 ) -> Document:
     """Return the document that asks for a verdict: a formula and a body, or a whole document."""
+    _one_of("motion", motion=motion, lam=lam)
     if body is None:
-        return read(potential)
-    asked: Document = {"body": _body(body)}
-    asked["potential"] = _potential(potential if isinstance(potential, str) else read(potential), numbers)
+        asked = read(potential)
+        put_numbers(asked, numbers)
+    else:
+        asked = {"body": _body(body)}
+        asked["potential"] = _potential(potential if isinstance(potential, str) else read(potential), numbers)
     if motion is not None:
         asked["motion"] = written(motion)
+    if lam is not None:
+        asked["motion"] = _curve(asked.get("motion"), "lambda", lam)
     return asked
 
 
@@ -180,6 +186,10 @@ def pointer_of(document: Mapping[str, object], name: str) -> str:
         parameters = potential.get("parameters")
         if isinstance(parameters, Mapping):
             known |= {str(each): f"/potential/parameters/{each}" for each in parameters}
+        formula = potential.get("expression")
+        if isinstance(formula, str) and name in _NAME.findall(formula):
+            # A parameter that has no value yet.
+            known.setdefault(name, f"/potential/parameters/{name}")
     known = {**_SHORT, **known}
     if name in known:
         return known[name]
@@ -201,6 +211,8 @@ def put(document: Document, pointer: str, value: object) -> None:
     target: object = document
     try:
         for part in way:
+            if part == "parameters" and isinstance(target, dict):
+                target.setdefault(part, {})
             target = target[int(part)] if isinstance(target, list) else target[part]  # type: ignore[index]  # reported below
         if isinstance(target, list):
             target[int(last)] = written(value)
@@ -219,15 +231,19 @@ def changed(document: Mapping[str, object], numbers: Mapping[str, object]) -> Do
 
 def nearest(word: str, known: Sequence[str]) -> str:
     """Return ``; did you mean '…'?`` with the nearest of the known words, or nothing."""
-    found = difflib.get_close_matches(word, known, n=1)
+    # Short for one of them, such as tol; else a slip of the pen.
+    found = [each for each in known if each.startswith(word)] if len(word) > 2 else []
+    found = found or difflib.get_close_matches(word, known, n=1)
     return f"; did you mean {found[0]!r}?" if found else ""
 
 
 def _body(body: Body) -> object:
     if isinstance(body, Mapping):
         return written(body)
-    names = {2: "AC", 3: "ABC"}.get(len(body))
-    if names is None or isinstance(body, str):
+    names = (
+        None if isinstance(body, str) or not hasattr(body, "__len__") else {2: "AC", 3: "ABC"}.get(len(body))
+    )
+    if names is None:
         raise WrongArgumentError(f"body={body!r}; (A, C), (A, B, C) or a dict is accepted")
     return dict(zip(names, map(written, body), strict=True))
 
@@ -258,8 +274,8 @@ def _time(known: object, time: object, samples: int | None, **spans: object) -> 
     given = {name: written(value) for name, value in spans.items() if value is not None}
     before = known if isinstance(known, Mapping) else DEFAULT_TIME
     if not given:
-        return {**before, **({} if samples is None else {"samples": samples})}
-    count = samples or before.get("samples", DEFAULT_TIME["samples"])
+        return {**before, **({} if samples is None else {"samples": written(samples)})}
+    count = written(samples) or before.get("samples", DEFAULT_TIME["samples"])
     return given if "times" in given else {**given, "samples": count}
 
 
@@ -314,7 +330,13 @@ def sweep_document(
         pointer = pointer_of(start, name)
         start = _with_first(start, pointer, axis_section(values))
         sections.append({"pointer": pointer, **axis_section(values)})
-    return {"base": start, "axes": sections, "combine": combine, "keep": list(keep), "series": series}
+    return {
+        "base": start,
+        "axes": sections,
+        "combine": combine,
+        "keep": written(keep),
+        "series": written(series),
+    }
 
 
 def _with_first(base: Document, pointer: str, section: Mapping[str, object]) -> Document:

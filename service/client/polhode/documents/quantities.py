@@ -1,6 +1,8 @@
-"""Numbers with their errors, exact numbers on their way into a document, and axes of sweeps."""
+"""Numbers with their errors, the conversion of every argument, and axes of sweeps."""
 
 import math
+import numbers
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -8,6 +10,7 @@ from fractions import Fraction
 from typing import Any, Self  # Any: parts of an answer
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from polhode.errors import PolhodeError, WrongArgumentError
 
@@ -76,7 +79,7 @@ def fields(value: object) -> dict[str, Any]:
 
 
 def written(value: object) -> object:
-    """Return a value as JSON has it: exact numbers as text, arrays and tuples as lists.
+    """Return a value as JSON has it: exact numbers as text, arrays, series and tuples as lists.
 
     Raises
     ------
@@ -84,23 +87,75 @@ def written(value: object) -> object:
         It cannot be written into a document.
     """
     match value:
-        case None | bool() | int() | str():
+        case None | bool() | str():
             return value
+        case float() | np.floating() if not np.isfinite(value):
+            raise WrongArgumentError(f"{value} is not finite; a finite number is accepted")
         case float():
-            if not math.isfinite(value):
-                raise WrongArgumentError(f"{value} is not finite; a finite number is accepted")
             return float(value)
-        case Fraction() | Decimal():
+        case np.floating() if value.dtype.itemsize > 8:
+            return str(value)  # more digits than a float has
+        case Decimal() if not value.is_finite():
+            raise WrongArgumentError(f"{value} is not finite; a finite number is accepted")
+        case Decimal():
             return str(value)
-        case np.generic() | np.ndarray():
-            return written(value.tolist())
+        case np.bool_() | np.floating():
+            return value.item()
+        case numbers.Integral():
+            return int(value)
+        case numbers.Rational():
+            return str(Fraction(int(value.numerator), int(value.denominator)))
         case Mapping():
             return {str(name): written(each) for name, each in value.items()}
+        case bytes() | bytearray() | memoryview() | np.generic():
+            pass
         case Sequence() | range():
             return [written(each) for each in value]
+        case _ if hasattr(value, "__array__"):
+            # Arrays, series and columns of any library.
+            found = np.asarray(value)
+            if found.ndim:
+                return [written(each) for each in found]
+            return written(found[()])
     raise WrongArgumentError(
-        f"{value!r} cannot be written as JSON; int, float, str, Fraction, Decimal, lists and dicts can"
+        f"{value!r} cannot be written as JSON; int, float, str, Fraction, Decimal, lists, arrays, dicts can"
     )
+
+
+def whole(value: object, name: str) -> int:
+    """Return a count, a seed or an index, of whatever type of integers.
+
+    Raises
+    ------
+    WrongArgumentError
+        It is no integer.
+    """
+    try:
+        return operator.index(value)  # type: ignore[arg-type]  # reported below
+    except TypeError:
+        raise WrongArgumentError(f"{name} = {value!r}; an integer is accepted") from None
+
+
+def doubles(value: ArrayLike, name: str) -> NDArray[np.float64]:
+    """Return finite numbers as an array of doubles, in the shape that they have.
+
+    Raises
+    ------
+    WrongArgumentError
+        One of them is none.
+    """
+    try:
+        given = np.asarray(value)
+        if given.dtype.kind not in "iufO" or (given.dtype == object and None in given.ravel().tolist()):
+            raise TypeError
+        found: NDArray[np.float64] = given.astype(np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise WrongArgumentError(f"{name} = {value!r}; numbers, or an array of them, are accepted") from None
+    if not np.isfinite(found).all():
+        raise WrongArgumentError(
+            f"{name} = {found[~np.isfinite(found)][0]} is not finite; finite ones are accepted"
+        )
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +177,7 @@ def logspace(first: Exact, last: Exact, count: int) -> Span:
 
 def uniform(first: Exact, last: Exact, count: int, *, seed: int) -> Span:
     """Return ``count`` random values; the same seed brings the same ones."""
-    return Span({**_span("uniform", first, last, count).section, "seed": seed})
+    return Span({**_span("uniform", first, last, count).section, "seed": whole(seed, "seed")})
 
 
 def axis_section(values: object) -> Mapping[str, object]:
@@ -144,4 +199,4 @@ def axis_section(values: object) -> Mapping[str, object]:
 
 
 def _span(kind: str, first: Exact, last: Exact, count: int) -> Span:
-    return Span({kind: [written(first), written(last), count]})
+    return Span({kind: [written(first), written(last), whole(count, "count")]})

@@ -20,6 +20,8 @@ _PASSING = (429, 502, 503, 504)
 """Statuses that another try may not have."""
 _END_OF_ARROW = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 _AT_WORK = "idempotency_key_in_use"
+_BUSY = (429, 503)
+_LASTING = (":storage_limit", '"exceeds_limit":true', '"exceeds_limit": true')
 
 
 def ask(
@@ -30,11 +32,17 @@ def ask(
     *,
     accept: str = JSON,
     headers: Mapping[str, str] | None = None,
+    waits: bool = False,
 ) -> Operation[Reply]:
     """Return the successful answer to a request.
 
     Without an answer, and when the service is busy or starts, it is sent again with growing, random pauses.
     What makes something has an Idempotency-Key, so that it is made once however often it is sent.
+
+    Parameters
+    ----------
+    waits
+        A service that answers that it is busy, or that too much is queued, is waited for without an end.
 
     Raises
     ------
@@ -53,7 +61,7 @@ def ask(
         own.setdefault("Content-Type", JSON)
     if method == "POST":
         own.setdefault("Idempotency-Key", str(uuid.uuid4()))
-    reply = yield from _answered(terms, Send(method, path, own, content))
+    reply = yield from _answered(terms, Send(method, path, own, content), waits=waits)
     if not 200 <= reply.status < 300:
         raise refused(reply.status, _document(reply))
     if method == "GET" and terms.cache is not None:
@@ -68,9 +76,10 @@ def ask_json(
     document: object = None,
     *,
     headers: Mapping[str, str] | None = None,
+    waits: bool = False,
 ) -> Operation[dict[str, object]]:
     """Return the JSON object with which the service answers; raises as :func:`ask`."""
-    reply = yield from ask(terms, method, path, document, headers=headers)
+    reply = yield from ask(terms, method, path, document, headers=headers, waits=waits)
     found = _document(reply)
     if not isinstance(found, dict):
         raise refused(reply.status, "the answer is not a JSON object: is there another service?")
@@ -82,7 +91,7 @@ def open_stream(path: str) -> Operation[Reply]:
     return (yield Send("GET", path, {"Accept": EVENTS}, None, True))
 
 
-def _answered(terms: Terms, request: Send) -> Operation[Reply]:
+def _answered(terms: Terms, request: Send, *, waits: bool) -> Operation[Reply]:
     began, tries = time.monotonic(), 0
     while True:
         pause = random.uniform(0.5, 1.0) * min(_FIRST_PAUSE * 2**tries, _LONGEST_PAUSE)
@@ -98,9 +107,19 @@ def _answered(terms: Terms, request: Send) -> Operation[Reply]:
                 return reply
             reason, patience = f"HTTP status {reply.status}", terms.patience
             pause = max(pause, _retry_after(reply))
+            if waits and reply.status in _BUSY:
+                yield Pause(pause)
+                began = time.monotonic()
+                continue
         if time.monotonic() - began + pause > patience:
+            by = (
+                ""
+                if terms.proxy is None
+                else f", asked by {terms.proxy}; hosts in NO_PROXY are asked without"
+            )
+            seconds = time.monotonic() - began
             raise UnreachableError(
-                f"{terms.url} has not answered for {time.monotonic() - began:.0f} s ({reason}); is a service"
+                f"{terms.url} has not answered for {seconds:.0f} s ({reason}{by}); is a service"
                 " running there? POLHODE_URL or connect(url) name another address"
             )
         yield Pause(pause)
@@ -109,6 +128,9 @@ def _answered(terms: Terms, request: Send) -> Operation[Reply]:
 def _is_passing(reply: Reply) -> bool:
     if reply.status == 409:
         return _AT_WORK.encode() in reply.content
+    if reply.status == 429:
+        # Neither storage nor a limit below what is asked for becomes free by waiting.
+        return not any(word.encode() in reply.content for word in _LASTING)
     return reply.status in _PASSING
 
 

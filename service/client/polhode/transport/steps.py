@@ -4,10 +4,13 @@ The same operation is carried out by a thread or by an event loop; ``operation``
 returns its result in the one case, and something to await in the other.
 """
 
-from collections.abc import Callable, Coroutine, Generator, Mapping
+import re
+from collections.abc import Callable, Coroutine, Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import update_wrapper
-from typing import Concatenate, Generic, ParamSpec, Protocol, Self, TypeVar, overload
+from inspect import Signature, formatannotation, signature
+from types import MethodType
+from typing import Concatenate, Generic, ParamSpec, Protocol, TypeVar, get_args, overload
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -40,6 +43,13 @@ class Pause:
 
 
 @dataclass(frozen=True, slots=True)
+class Together:
+    """Carry out operations at the same time, all to their ends; the first of what they raise is thrown in."""
+
+    operations: "Sequence[Operation[None]]"
+
+
+@dataclass(frozen=True, slots=True)
 class Reply:
     """The result of a step; names of headers are in lower case."""
 
@@ -54,7 +64,7 @@ class LostConnectionError(Exception):
     """No answer, or not all of it, has arrived; thrown into the operation that asked."""
 
 
-Step = Send | NextLine | Pause
+Step = Send | NextLine | Pause | Together
 Operation = Generator[Step, Reply, T]
 
 
@@ -92,25 +102,48 @@ class operation(Generic[Owner, P, T]):  # noqa: N801 - used as a decorator
     """A method written once, as a generator, for both kinds of owner."""
 
     def __init__(self, function: Callable[Concatenate[Owner, P], Operation[T]]) -> None:
-        self.function = function
-        update_wrapper(self, function)  # type: ignore[arg-type]  # takes the name and the docstring
+        def call(owner: Owner, /, *given: P.args, **named: P.kwargs) -> object:
+            steps = function(owner, *given, **named)
+            carrier: object = owner.carrier  # type: ignore[attr-defined]  # both kinds of owner have one
+            return carrier.run_soon(steps) if hasattr(carrier, "run_soon") else carrier.run(steps)  # type: ignore[attr-defined]
+
+        self.call = update_wrapper(call, function)
+        self.call.__signature__ = as_called(signature(function))  # type: ignore[attr-defined]  # they take any
 
     @overload
-    def __get__(self, instance: None, owner: type) -> Self: ...
+    def __get__(self, instance: None, owner: type) -> Callable[Concatenate[Owner, P], object]: ...
     @overload
     def __get__(self, instance: Synchronous, owner: type) -> Callable[P, T]: ...
     @overload
     def __get__(self, instance: Asynchronous, owner: type) -> Callable[P, Coroutine[object, object, T]]: ...
     def __get__(self, instance: object, owner: type) -> object:
-        """Return the method bound to ``instance``."""
-        if instance is None:
-            return self
-        function = self.function
+        """Return the method bound to ``instance``: a method as any other, which pickles by its name."""
+        return self.call if instance is None else MethodType(self.call, instance)
 
-        def bound(*given: P.args, **named: P.kwargs) -> object:
-            steps = function(instance, *given, **named)  # type: ignore[arg-type]  # the owner, by descriptor
-            carrier: object = instance.carrier  # type: ignore[attr-defined]  # both kinds of owner have one
-            return carrier.run_soon(steps) if hasattr(carrier, "run_soon") else carrier.run(steps)  # type: ignore[attr-defined]
 
-        update_wrapper(bound, function)
-        return bound
+def as_called(own: Signature) -> Signature:
+    """Return the signature of an operation as a person calls it: with the result, without the steps."""
+    result = (get_args(own.return_annotation) or (own.return_annotation,))[-1]
+    parameters = [
+        each if each.annotation is each.empty else each.replace(annotation=_words(each.annotation))
+        for each in own.parameters.values()
+    ]
+    return own.replace(parameters=parameters, return_annotation=_words(result))
+
+
+_NUMBER = "int | float | str | fractions.Fraction | decimal.Decimal"
+_PATHS = re.compile(r"(polhode|collections|numpy|os)(\.\w+)*\.|\[~CarrierT\]|~")
+
+
+def _words(annotation: object) -> "_Words":
+    text = re.sub(r"ForwardRef\('(.*?)'\)", r"\1", formatannotation(annotation))
+    return _Words(_PATHS.sub("", text.replace(_NUMBER, "Exact")))
+
+
+class _Words(str):
+    """An annotation that is shown as it is."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)

@@ -2,14 +2,17 @@
 
 import contextlib
 import hashlib
+import ipaddress
 import json
 import os
 import tempfile
+import urllib.request
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from urllib.parse import urlsplit
+from urllib.parse import urlsplit, urlunsplit
 
+from polhode.errors import WrongArgumentError
 from polhode.transport.steps import Reply
 
 _CACHED_HEADERS = ("content-type", "etag", "polhode-error", "polhode-samples")
@@ -83,7 +86,56 @@ def default_folder() -> Path:
 
 
 DEFAULT_URL = "http://127.0.0.1:8000"
-_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+def is_loopback(url: str) -> bool:
+    """Tell whether an address is one of this machine."""
+    host = urlsplit(url).hostname or ""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost" or host.endswith(".localhost")
+
+
+@dataclass(frozen=True, slots=True)
+class Proxy:
+    """A proxy by which requests go, and where it is named."""
+
+    address: str
+    variable: str
+
+    def __str__(self) -> str:
+        # A password is nobody's to read in a message.
+        parts = urlsplit(self.address)
+        shown = urlunsplit(parts._replace(netloc=parts.netloc.rpartition("@")[2]))
+        return f"the proxy {shown} of {self.variable}"
+
+
+def proxy_of(url: str) -> Proxy | None:
+    """Return the proxy that the environment names for an address; loopback never has one.
+
+    NO_PROXY takes names with all below them, addresses, and networks such as 10.0.0.0/8 and ::1/128.
+    """
+    parts = urlsplit(url)
+    host = parts.hostname or ""
+    named = urllib.request.getproxies()
+    kind = next((kind for kind in (parts.scheme, "all") if named.get(kind)), None)
+    if kind is None or is_loopback(url) or _is_excepted(host, parts.netloc, named.get("no", "")):
+        return None
+    names = (f"{kind}_proxy", f"{kind}_proxy".upper())
+    variable = next((name for name in names if os.environ.get(name)), "the system's settings")
+    address = named[kind]
+    return Proxy(address if "://" in address else f"http://{address}", variable)
+
+
+def _is_excepted(host: str, with_port: str, listed: str) -> bool:
+    if urllib.request.proxy_bypass(with_port) or urllib.request.proxy_bypass(host):
+        return True
+    for each in listed.split(","):
+        with contextlib.suppress(ValueError):
+            if ipaddress.ip_address(host) in ipaddress.ip_network(each.strip().strip("[]"), strict=False):
+                return True
+    return False
 
 
 @dataclass(slots=True)
@@ -101,14 +153,39 @@ class Terms:
     """Whether the service has ever answered; if not, its address may be wrong, and patience is short."""
     has_events: bool = field(default=True, init=False)
     """Whether the service, and all proxies before it, pass on events; if not, clients poll."""
+    proxy: Proxy | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        self.proxy = proxy_of(self.url)
+
+    def __reduce__(self) -> tuple[Callable[..., "Terms"], tuple[object, ...]]:
+        """Return how another process makes them: with the key of its own environment.
+
+        Raises
+        ------
+        WrongArgumentError
+            The key is not that of POLHODE_KEY, and no pickle ever has a key.
+        """
+        if self.key is not None and self.key != os.environ.get(KEY_VARIABLE):
+            raise WrongArgumentError(
+                "a client whose key was given as an argument cannot be sent to another process: pickles never"
+                f" have keys; a key in {KEY_VARIABLE} is accepted, which each process reads itself"
+            )
+        return _in_another_process, (self.url, self.patience, self.cache)
 
     @property
     def headers(self) -> Mapping[str, str]:
         """The headers of every request."""
         own = {"Authorization": f"Bearer {self.key}"} if self.key else {}
         # On one machine packing and unpacking take longer than copying.
-        is_near = urlsplit(self.url).hostname in _LOOPBACK
-        return {**own, **({"Accept-Encoding": "identity"} if is_near else {})}
+        return {**own, **({"Accept-Encoding": "identity"} if is_loopback(self.url) else {})}
+
+
+KEY_VARIABLE = "POLHODE_KEY"
+
+
+def _in_another_process(url: str, patience: float, cache: Cache | None) -> Terms:
+    return Terms(url, os.environ.get(KEY_VARIABLE), patience, cache)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,8 @@ import pytest
 from llvmlite import binding
 
 import workers
-from workers.computation.compiled_code import FOLDER_VARIABLE
+from service.local.worker_process import FOLDER_VARIABLE
+from tests.support.effort import one_in
 from workers.solvers.compiled.linking import LEVELS, level
 
 ROOT = Path(workers.__path__[0]).parent
@@ -156,7 +157,7 @@ def test_each_function_is_translated_once_and_machine_code_is_made_of_what_pytho
     assert call() == f"[{RIGHT}, []]"
 
 
-@pytest.mark.parametrize("lost", ["inner", "middle", "outer"])
+@pytest.mark.parametrize("lost", one_in(3, ["middle", "inner", "outer"]))
 def test_parts_of_several_processes_are_linked(tmp_path, call, lost):
     call()
     for file in [*tmp_path.rglob("*-entry.*"), *tmp_path.rglob(f"{lost}-*-part.*")]:

@@ -1,14 +1,15 @@
-"""The recipe with nginx in docs/operations.md, word for word but for its ports and its certificate."""
+"""The sites of nginx and Caddy in docker/, word for word but for their addresses and their certificates."""
 
 import http.client
 import json
+import os
 import re
 import shutil
 import signal
 import socket
 import ssl
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 
@@ -22,52 +23,97 @@ from tests.support.serving import Service, serving
 from tests.support.sweeps import store_points
 from tests.workers.processes import wait_until
 
-NGINX = shutil.which("nginx", path="/usr/sbin:/usr/local/sbin:/usr/bin:/usr/local/bin")
+PATH = f"{os.environ['PATH']}:/usr/sbin:/usr/local/sbin"
+PROXIES = {name: shutil.which(name, path=PATH) for name in ("nginx", "caddy")}
 OPENSSL = shutil.which("openssl")
-pytestmark = pytest.mark.skipif(
-    NGINX is None or OPENSSL is None, reason="not installed: apt-get install nginx openssl"
-)
-OPERATIONS = Path(__file__).parents[2] / "docs" / "operations.md"
+DOCKER = Path(__file__).parents[2] / "docker"
+PREFIX = "/polhode"
 POINTS = 300_000
+each_proxy = pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name,
+            marks=pytest.mark.skipif(
+                not (program and OPENSSL), reason=f"not installed: apt-get install {name} openssl"
+            ),
+        )
+        for name, program in PROXIES.items()
+    ],
+    scope="module",
+)
 
 
-def recipe(folder: Path, service: Service, port: int) -> str:
-    """Return a configuration with the site of the documentation, on a port of its own."""
-    text = OPERATIONS.read_text(encoding="utf-8")
-    found = re.search(r"^```nginx\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
-    assert found is not None
-    site, upstream = found[1], service.address.removeprefix("http://")
-    for written, here in (
-        ("server 127.0.0.1:8000;", f"server {upstream};"),
-        ("listen 443 ssl;", f"listen 127.0.0.1:{port} ssl;"),
-        ("/etc/ssl/polhode.pem", str(folder / "polhode.pem")),
-        ("/etc/ssl/polhode.key", str(folder / "polhode.key")),
-    ):
-        assert site.count(written) == 1
-        site = site.replace(written, here)
+def written_here(name: str, changes: Mapping[str, str]) -> str:
+    """Return a file of the kit with what is of this machine in place of what is of its reader's."""
+    text = (DOCKER / name).read_text(encoding="utf-8")
+    for written, here in changes.items():
+        assert text.count(written) == 1
+        text = text.replace(written, here)
+    return text
+
+
+def nginx_command(folder: Path, upstream: str, port: int) -> list[str]:
+    site = written_here(
+        "nginx.conf",
+        {
+            "server 127.0.0.1:8000;": f"server {upstream};",
+            "listen 443 ssl;": f"listen 127.0.0.1:{port} ssl;",
+            "/etc/ssl/polhode.pem": str(folder / "polhode.pem"),
+            "/etc/ssl/polhode.key": str(folder / "polhode.key"),
+        },
+    )
     kept = "".join(
         f"{kind}_temp_path {folder / kind};\n"
         for kind in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
     )
     head = f"daemon off; master_process off; pid {folder / 'pid'}; error_log stderr;\nevents {{}}\n"
-    return f"{head}http {{\naccess_log off;\n{kept}{site}}}\n"
+    text = f"{head}http {{\naccess_log off;\n{kept}{site}}}\n"
+    (folder / "nginx.conf").write_text(text, encoding="utf-8")
+    return ["-p", str(folder), "-c", str(folder / "nginx.conf")]
+
+
+def caddy_command(folder: Path, upstream: str, port: int) -> list[str]:
+    certificate = f"tls {folder}/polhode.pem {folder}/polhode.key"
+    site = written_here(
+        "Caddyfile",
+        {
+            # Its own certificate takes the place of one that Caddy would ask for.
+            "\npolhode.example {": f"\nhttps://127.0.0.1:{port} {{\n{certificate}\n",
+            "127.0.0.1:8000 {": f"{upstream} {{",
+        },
+    )
+    (folder / "Caddyfile").write_text(f"{{\nadmin off\nauto_https off\n}}\n{site}", encoding="utf-8")
+    return ["run", "--config", str(folder / "Caddyfile"), "--adapter", "caddyfile"]
+
+
+def version_of_caddy() -> tuple[int, ...]:
+    assert PROXIES["caddy"] is not None
+    said = subprocess.run([PROXIES["caddy"], "version"], capture_output=True, text=True, check=True).stdout
+    return tuple(map(int, re.match(r"v?(\d+)\.(\d+)", said).groups()))
+
+
+COMMANDS = {"nginx": nginx_command, "caddy": caddy_command}
 
 
 @contextmanager
-def proxied(folder: Path, service: Service) -> Iterator[int]:
-    """Run nginx in front of a service; yield its port."""
-    assert NGINX is not None
+def proxied(name: str, folder: Path, service: Service) -> Iterator[int]:
+    """Run a proxy in front of a service; yield its port."""
+    program = PROXIES[name]
+    assert program is not None
     assert OPENSSL is not None
     folder.mkdir()
-    subject = ("-subj", "/CN=localhost", "-days", "1", "-nodes", "-newkey", "rsa:2048")
+    names = ("-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1")
+    subject = (*names, "-days", "1", "-nodes", "-newkey", "rsa:2048")
     files = ("-keyout", folder / "polhode.key", "-out", folder / "polhode.pem")
     subprocess.run([OPENSSL, "req", "-x509", *subject, *files], check=True, capture_output=True)
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    (folder / "nginx.conf").write_text(recipe(folder, service, port), encoding="utf-8")
+    options = COMMANDS[name](folder, service.address.removeprefix("http://"), port)
     with (folder / "log").open("wb") as log:
-        process = subprocess.Popen([NGINX, "-p", folder, "-c", folder / "nginx.conf"], stderr=log)
+        own = {"HOME": str(folder), "XDG_DATA_HOME": str(folder), "XDG_CONFIG_HOME": str(folder)}
+        process = subprocess.Popen([program, *options], stderr=log, env={**os.environ, **own})
     try:
 
         def answers() -> bool:
@@ -96,26 +142,49 @@ def ask(
     body = None if document is None else json.dumps(document)
     sent = {name.replace("_", "-"): value for name, value in headers.items()}
     with closing(connection(port)) as client:
-        client.request(method, path, body=body, headers={"Content-Type": "application/json", **sent})
+        client.request(method, PREFIX + path, body=body, headers={"Content-Type": "application/json", **sent})
         answer = client.getresponse()
         return answer.status, {k.lower(): v for k, v in answer.getheaders()}, answer.read()
 
 
 @pytest.fixture(scope="module")
-def behind(tmp_path_factory) -> Iterator[tuple[Service, int, str, str]]:
-    """A service, the port of nginx in front of it, a solution and a sweep."""
-    folder = tmp_path_factory.mktemp("nginx")
+def name(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture(scope="module")
+def behind(name: str, tmp_path_factory) -> Iterator[tuple[Service, int, str, str]]:
+    """A service, the port of a proxy in front of it, a solution and a sweep."""
+    folder = tmp_path_factory.mktemp(name)
     url = url_of(folder / "polhode.db")
     migrate(url)
     sweep_id = store_points(url, POINTS)
     with (
         serving(folder, POLHODE_DATABASE_URL=url) as service,
-        proxied(folder / "nginx", service) as port,
+        proxied(name, folder / "proxy", service) as port,
     ):
         _, _, job = ask(port, "POST", "/v1/jobs", PLANAR, Prefer="wait=60")
         yield service, port, json.loads(job)["solution"], sweep_id
 
 
+@each_proxy
+def test_the_prefix_alone_leads_to_the_page_whose_links_stay_below_it(behind):
+    _, port, _, _ = behind
+    with closing(connection(port)) as client:
+        client.request("GET", PREFIX)
+        answer = client.getresponse()
+        assert (answer.status, answer.getheader("Location").endswith(f"{PREFIX}/")) == (308, True)
+    status, _, page = ask(port, "GET", "/")
+    assert status == 200
+    links = re.findall(rb'(?:href|src)="([^"#]+)"', page)
+    assert links
+    assert [link for link in links if link.startswith(b"/")] == []
+    for link in links:
+        if not link.startswith((b"http", b"data:")):
+            assert ask(port, "GET", f"/{link.decode().removeprefix('./')}")[0] == 200, link
+
+
+@each_proxy
 def test_answers_are_those_of_the_service_large_and_tagged_ones_too(behind):
     service, port, solution, _ = behind
     for path in (f"/v1/solutions/{solution}", ATTACKS["trajectories as CSV"].path.format(solution=solution)):
@@ -127,6 +196,7 @@ def test_answers_are_those_of_the_service_large_and_tagged_ones_too(behind):
         assert ask(port, "GET", path, If_None_Match=headers["etag"])[0] == 304
 
 
+@each_proxy
 def test_refusals_are_the_documents_of_the_service(behind):
     _, port, _, _ = behind
     status, headers, content = ask(port, "POST", "/v1/jobs", ["x" * 1_100_000])
@@ -134,6 +204,7 @@ def test_refusals_are_the_documents_of_the_service(behind):
     assert json.loads(content)["type"].endswith(":body_too_large")
 
 
+@each_proxy
 def test_pages_of_its_origin_may_send_requests_and_others_may_not(behind):
     _, port, _, _ = behind
     own, other = f"https://127.0.0.1:{port}", "https://elsewhere.example"
@@ -141,13 +212,14 @@ def test_pages_of_its_origin_may_send_requests_and_others_may_not(behind):
     assert ask(port, "POST", "/v1/jobs", PLANAR, Origin=other)[0] == 403
 
 
+@each_proxy
 def test_events_are_sent_on_at_once(behind):
     _, port, _, _ = behind
     job = json.loads(
         ask(port, "POST", "/v1/jobs", {**PLANAR, "motion": {"type": "planar", "lambda": "3/4"}})[2]
     )
     with closing(connection(port)) as client:
-        client.request("GET", f"/v1/jobs/{job['id']}/events")
+        client.request("GET", f"{PREFIX}/v1/jobs/{job['id']}/events")
         answer = client.getresponse()
         assert answer.getheader("Content-Type").startswith("text/event-stream")
         told = b""
@@ -158,16 +230,19 @@ def test_events_are_sent_on_at_once(behind):
             told += line
 
 
-def test_an_answer_that_breaks_off_is_no_answer_through_nginx_either(tmp_path):
+@each_proxy
+def test_an_answer_that_breaks_off_is_no_answer_through_a_proxy_either(name, tmp_path):
+    if name == "caddy" and version_of_caddy() < (2, 8):
+        pytest.skip("before 2.8 Caddy ends such an answer as if it were whole")
     url = url_of(tmp_path / "polhode.db")
     migrate(url)
     sweep_id = store_points(url, POINTS)
     with (
         serving(tmp_path, workers=0, POLHODE_DATABASE_URL=url) as service,
-        proxied(tmp_path / "nginx", service) as port,
+        proxied(name, tmp_path / "proxy", service) as port,
         closing(connection(port)) as client,
     ):
-        client.request("GET", f"/v1/sweeps/{sweep_id}/points?format=csv")
+        client.request("GET", f"{PREFIX}/v1/sweeps/{sweep_id}/points?format=csv")
         answer = client.getresponse()
         assert answer.status == 200
         answer.read(1000)

@@ -1,7 +1,7 @@
 """What it saves to keep verdicts and windows: whole jobs, in one run, without and with what is kept.
 
-``python -m tests.benchmarks.kept`` prints a table. A whole job is the examination of a problem and its
-solution, both in this process, from the document to the outcome; on a loaded machine the times of the
+``python -m tests.benchmarks.cached_examinations`` prints a table. A whole job is the examination of a problem
+and its solution, both in this process, from the document to the outcome; on a loaded machine the times of the
 processor are steadier than those of the clock, so these are told.
 """
 
