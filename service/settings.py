@@ -41,6 +41,10 @@ class Settings(BaseModel):
     database_url: str = "sqlite:///polhode.db"
     engine: Literal["local", "postgres"] = "local"
     """How workers learn of jobs: `local` is for one machine, `postgres` announces jobs to several."""
+    pool: Literal["local", "dask"] = "local"
+    """Where workers compute: in children of their own, or on a Dask cluster."""
+    dask_scheduler: str | None = Field(default=None, min_length=1)
+    """Address of the cluster's scheduler, such as tcp://host:8786, or the path of its file."""
     host_name: str | None = Field(default=None, min_length=1, max_length=255)
     """Name of this machine in the database; by default its host name and boot id."""
     host: str = "127.0.0.1"
@@ -161,6 +165,16 @@ class Settings(BaseModel):
                 "are a URL that begins with postgresql+psycopg://, or the engine local"
             )
         return engine
+
+    @field_validator("dask_scheduler")
+    @classmethod
+    def _require_a_scheduler(cls, scheduler: str | None, info: ValidationInfo) -> str | None:
+        if info.data.get("pool") == "dask" and scheduler is None:
+            raise ValueError(
+                "the pool dask needs its scheduler: POLHODE_DASK_SCHEDULER, an address such as "
+                "tcp://host:8786 or the path of a scheduler file; or the pool local"
+            )
+        return scheduler
 
     @field_validator("cors_origins")
     @classmethod

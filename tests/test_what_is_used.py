@@ -24,6 +24,7 @@ CALLED_FROM_OUTSIDE = {
     "service.client.polhode.": "people call it from Python",
     "service.cli.common.Command.get_short_help_str": "typer lists it in help",
     "service.storage.tables.base.Word.process_bind_param": "SQLAlchemy calls it",
+    "workers.process.dask_worker.": "Dask's workers and its scheduler load it, and call the plugin",
     "workers.cli.sweep._RateColumn.render": "rich draws it",
     "workers.solvers.compiled.linking.": "numba calls the methods of a library and of a dispatcher",
 }

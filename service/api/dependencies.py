@@ -24,6 +24,7 @@ from service.api.prometheus import Metrics
 from service.api.verdicts.examiner import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
+from service.jobs.cluster import ClusterState
 from service.jobs.kernels import Kernels
 from service.jobs.store import JobStore
 from service.local.wakeup import WakeUpSocket
@@ -38,6 +39,9 @@ from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
+
+Checks = tuple[dict[str, str], WorkersState, Kernels | None, ClusterState | None]
+"""The faults of the parts, the workers, the kernels that they lack, the cluster on which they compute."""
 
 T = TypeVar("T")
 Arguments = TypeVarTuple("Arguments")
@@ -118,7 +122,7 @@ class Resources:
     """Limits the number of clients that wait for their job, since each one polls the database."""
     metrics_text: SharedAnswer[bytes]
     """The answer of /metrics."""
-    checks: SharedAnswer[tuple[dict[str, str], WorkersState, Kernels | None]]
+    checks: SharedAnswer[Checks]
     """The facts that /readyz answers with."""
     local_worker: Callable[[], WorkerStanding] | None
     """Returns the status of the worker process beside this service, if there is one."""

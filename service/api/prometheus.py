@@ -21,6 +21,7 @@ from prometheus_client.registry import Collector
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.api.verdicts.examiner import CachedExaminations
+from service.jobs.cluster import ClusterState
 from service.jobs.records import AttemptOutcome, JobKind
 from service.local.workers import WorkerStanding
 from service.logs import Complaints
@@ -129,6 +130,13 @@ class _DatabaseCollector(Collector):
         yield from _work(figures)
 
 
+_OF_CLUSTERS: tuple[tuple[str, str, Callable[[ClusterState], int]], ...] = (
+    ("workers", "Workers of a Dask cluster that are ready.", lambda cluster: cluster.workers),
+    ("threads", "Jobs that they compute at once.", lambda cluster: cluster.threads),
+    ("left_out", "Workers of it that get no jobs.", lambda cluster: len(cluster.left_out)),
+)
+
+
 def _state(figures: Figures) -> Iterator[Metric]:
     jobs = GaugeMetricFamily("polhode_jobs", "Jobs that are not finished.", labels=["state", "kind"])
     for state in LIVE:
@@ -149,6 +157,11 @@ def _state(figures: Figures) -> Iterator[Metric]:
     yield slots
     says = "Kernels that are still to be compiled, at the worker that has most of them."
     yield GaugeMetricFamily("polhode_kernels_missing", says, figures.kernels_missing)
+    for name, says, count in _OF_CLUSTERS:
+        clusters = GaugeMetricFamily(f"polhode_cluster_{name}", says, labels=["scheduler"])
+        for cluster in figures.clusters:
+            clusters.add_metric([cluster.scheduler], count(cluster))
+        yield clusters
     sweeps = GaugeMetricFamily("polhode_sweeps", "Sweeps that are not finished.", labels=["state"])
     for state in LIVE:
         sweeps.add_metric([state], figures.sweeps.get(state, 0))

@@ -146,7 +146,8 @@ def atlas(
     file: Document,
     as_json: AsJson = False,
     picture: Annotated[
-        Path | None, typer.Option(metavar="OUT", help="write a picture of it (SVG); - is stdout")
+        Path | None,
+        typer.Option(metavar="OUT", help="write a picture: .svg or .png; - is SVG to stdout"),
     ] = None,
 ) -> None:
     """Tell for which λ of a range there are planar motions, of which kind, and where that changes."""
@@ -223,12 +224,15 @@ def families(
     as_json: AsJson = False,
 ) -> None:
     """List the families of potentials and the cases, or tell all of one, with a problem that runs."""
-    rows = list(_rows())
+    groups = dict(_groups())
+    rows = [row for group in groups.values() for row in group]
     if name is None:
         if as_json:
             answer(json.dumps([row for _, row in rows]) + "\n")
             return
-        answer("".join(f"{key:<{_WIDTH}}{_line(row)}\n" for key, row in rows))
+        for place, (heading, group) in enumerate(groups.items()):
+            lines = "".join(f"  {key:<{_WIDTH}}{_line(row)}\n" for key, row in group)
+            answer(f"{'' if place == 0 else chr(10)}{heading}\n{lines}")
         return
     matches = [row for key, row in rows if key == name]
     if not matches:
@@ -238,17 +242,22 @@ def families(
     answer(json.dumps(matches[0]) + "\n" if as_json else "".join(f"{line}\n" for line in _all_of(matches[0])))
 
 
-def _rows() -> Iterator[tuple[str, Mapping[str, object]]]:
+Row = tuple[str, Mapping[str, object]]
+
+
+def _groups() -> Iterator[tuple[str, list[Row]]]:
     from service import catalogue  # noqa: PLC0415
 
-    for family in catalogue.families():
-        yield family.type, family.model_dump()
-    for named in catalogue.cases():
-        # Two words name a potential here and a motion below: the motion has the plain one.
-        key = named.name if named.name not in _CLASSICAL else f"{named.name}-potential"
-        yield key, named.model_dump()
-    for case in catalogue.classical():
-        yield case.case, case.model_dump()
+    families: list[Row] = [(family.type, family.model_dump()) for family in catalogue.families()]
+    yield "Families of potentials: potential.type of a problem", families
+    # One word names a potential here and a motion below: the motion has the plain one.
+    named: list[Row] = [
+        (case.name if case.name not in _CLASSICAL else f"{case.name}-potential", case.model_dump())
+        for case in catalogue.cases()
+    ]
+    yield "Named potentials with a further integral", named
+    classical: list[Row] = [(case.case, case.model_dump()) for case in catalogue.classical()]
+    yield "Classical cases of the heavy body: motion.case of a problem", classical
 
 
 _CLASSICAL = ("chaplygin",)

@@ -152,8 +152,11 @@ class JobStore(Protocol):
         """
         ...
 
-    def heartbeat(self, claim: Claim, *, lease_seconds: float) -> bool:
-        """Prolong the lease to ``lease_seconds`` from now."""
+    def heartbeat(self, claims: Sequence[Claim], *, lease_seconds: float) -> frozenset[str]:
+        """Prolong the leases of claims to ``lease_seconds`` from now, by one statement.
+
+        Return the ids of those jobs whose claims still hold.
+        """
         ...
 
     def note_begun(self, claim: Claim) -> None:

@@ -18,7 +18,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
-from service.dynamics.potentials.potential import FormulaPotential, Potential
+from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint, loop_at
 from service.dynamics.reduction.root_finding.gap import NearRest
@@ -96,7 +96,7 @@ def read_windows(
     found = json.loads(text)
     if not found["windows"]:
         return ()
-    if found["formula"] is not None and isinstance(potential, FormulaPotential):
+    if found["formula"] is not None:
         potential = with_simpler(potential.as_stated, parse(found["formula"]))
     Z, G = map(read_ball, found["loop"])
     loop = loop_at(body, potential, motion, Z, G)

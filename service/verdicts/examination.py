@@ -52,6 +52,7 @@ from service.verdicts.refusals import (
     refusal_of_verdict,
     refusal_of_windows,
     refusal_without_motion,
+    with_extras,
 )
 
 
@@ -202,12 +203,14 @@ def _judge_question(document: Part) -> Answer:
     answer["classical"] = classification_of(question)
     accepts = question.problem is not None and question.problem.accept == "undecided"
     refusal = None if question.problem is None else refusal_of_verdict(verdict, answer, accepts)
-    if refusal is not None:
-        return refusal
     if refuted:
         named, degree = question.named(), question.nearest_degree
         nearest = nearest_document(question.body, question.potential, named, degree)
+        if refusal is not None:
+            return refusal if nearest is None else with_extras(refusal, nearest=nearest)
         return {"verdict": {**answer, "nearest": nearest}}
+    if refusal is not None:
+        return refusal
     if isinstance(question.motion, PlanarMotion):
         with ctx.workprec(REDUCTION_BITS):
             try:

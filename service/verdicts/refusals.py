@@ -84,6 +84,11 @@ def refusal(code: str, detail: str, pointer: str = "", **extras: object) -> Docu
     return {"error": {"code": code, "detail": detail, "pointer": pointer, **extras}}
 
 
+def with_extras(answer: Part, **extras: object) -> Document:
+    """Return a refusal with further fields."""
+    return {"error": {**answer["error"], **extras}}
+
+
 def _what_fails(verdict: Verdict) -> str:
     if verdict.jump is None:
         return "the residual at the point given is certainly not 0"

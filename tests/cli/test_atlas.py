@@ -1,10 +1,13 @@
 """``polhode atlas`` as its users meet it."""
 
+import io
 import json
 import subprocess
 import sys
 from pathlib import Path
 
+import matplotlib.image
+import numpy as np
 import pytest
 
 from tests.support.commands import polhode
@@ -74,3 +77,19 @@ def test_what_is_refused(atlas, tmp_path):
     assert code == 1
     assert "/lambda/1" in said
     assert atlas("--picture", tmp_path / "missing" / "x.svg")[0] == 1
+
+
+def test_the_ending_names_the_kind_of_picture(atlas, tmp_path):
+    assert atlas("--picture", tmp_path / "x.png")[0] == 0
+    content = (tmp_path / "x.png").read_bytes()
+    picture = matplotlib.image.imread(io.BytesIO(content), format="png")
+    assert content.startswith(b"\x89PNG")
+    assert picture.shape[1] == 2 * 860  # twice the width of the SVG
+    # Something of every colour is there: the band of the window, and letters.
+    band = np.abs(picture[..., :3] - np.array([0x3B, 0x6E, 0xA5]) / 255).max(axis=-1)
+    assert (band < 0.02).any()
+    assert (picture[..., :3].max(axis=-1) < 0.2).any()
+    code, _, told = atlas("--picture", tmp_path / "x.jpg")
+    assert code == 2
+    assert ".svg, .png" in told
+    assert not (tmp_path / "x.jpg").exists()

@@ -6,12 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import typer
 from typer.testing import CliRunner, Result
 
 from service.cli.commands import app
+from service.cli.remote import work
 from service.terminal import FileFaultError, read_items
 from tests.client.conftest import base, service
 
@@ -200,3 +202,80 @@ def test_a_list_of_any_length_is_read_item_by_item(tmp_path):
     assert "number 1: " in found[1]
     assert "what follows is not read" in items('[{"a": 1} {"b": 1}]')[1][-1]
     assert "what follows is not read" in items('[{"a": 1}, {"b": ')[1][-1]
+
+
+def test_a_list_for_people_tells_the_problem_and_fits_the_terminal(here, base, monkeypatch):
+    done = here("submit", "-", "--wait", content=json.dumps(base))
+    assert done.exit_code == 0
+    head, line = here("list", "--limit", 1).stdout.splitlines()
+    assert head.split()[:5] == ["id", "potential", "λ", "period", "energy"]
+    assert str(base["potential"].get("expression", base["potential"]["type"])) in line
+    solution = json.loads(here("show", line.split()[0], "--json").stdout)
+    assert f"{solution['period']['value']:.6g}" in line
+    assert repr(solution["period"]["value"]) not in line
+    monkeypatch.setattr(work, "_width", lambda: 70)
+    narrow = here("list", "--limit", 1).stdout.splitlines()
+    assert max(map(len, narrow)) <= 70
+    assert narrow[1].split()[0] == solution["id"]
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "arrow", "ndjson"])
+def test_a_list_is_written_to_a_file(here, base, tmp_path, ending):
+    assert here("submit", "-", "--wait", content=json.dumps(base)).exit_code == 0
+    out = tmp_path / f"solutions.{ending}"
+    assert here("list", "--out", out, "--columns", "id,period,lambda").exit_code == 0
+    count = len(json.loads(here("list", "--json", "--limit", 10_000).stdout))
+    match ending:
+        case "csv":
+            rows = len(out.read_text().splitlines()) - 1
+        case "ndjson":
+            rows = len(out.read_text().splitlines())
+        case "parquet":
+            rows = pq.read_table(out).num_rows
+        case _:
+            rows = pa.ipc.open_stream(out).read_all().num_rows
+    assert rows == count
+    refused = here("list", "--out", tmp_path / "solutions.npz")
+    assert (refused.exit_code, refused.stdout) == (2, "")
+    assert ".parquet" in refused.stderr
+
+
+def test_a_report_has_the_problem_and_every_output(here, base):
+    asked = base | {
+        "body": {"A": 2, "B": "3/2", "C": 1},
+        "outputs": ["gamma", "omega", "stability", "orientation"],
+        "labels": {"project": "thesis"},
+    }
+    shown = here("submit", "-", "--wait", content=json.dumps(asked)).stdout
+    words = [line.split()[0] for line in shown.splitlines()]
+    assert {
+        "id",
+        "body",
+        "potential",
+        "motion",
+        "times",
+        "period",
+        "window",
+        "stability",
+        "precession",
+    } <= set(words)
+    job = here("submit", "-", content=json.dumps(asked)).stdout.strip()
+    report = here("show", job).stdout
+    assert "project=thesis" in report
+    assert report.splitlines()[1].split()[0] == "state"
+
+
+def test_an_interrupted_sweep_goes_on_and_tells_how_to_get_it(capsys):
+    with pytest.raises(KeyboardInterrupt), work.going_on(NO_ID):
+        raise KeyboardInterrupt
+    told = capsys.readouterr().err
+    assert "goes on" in told
+    for command in ("wait", "get", "cancel"):
+        assert f"polhode {command} {NO_ID}" in told
+
+
+def test_help_is_there_in_encodings_that_lack_its_letters():
+    environment = {"PYTHONIOENCODING": "cp1252", "PATH": ""}
+    shown = subprocess.run([POLHODE, "--help"], capture_output=True, env=environment, check=False)
+    assert (shown.returncode, shown.stderr) == (0, b"")
+    assert b"families" in shown.stdout

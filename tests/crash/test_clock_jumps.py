@@ -12,7 +12,7 @@ from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore
 from tests.workers.chores import CHORES
 from tests.workers.processes import wait_until
-from workers.process.pool import LocalPool
+from workers.process.pool import ChildrenPool
 from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
@@ -77,7 +77,7 @@ def children():
 def workers(database, children):
     """Two workers whose steps the test takes."""
     return [
-        Runner(SqlJobStore(database), LocalPool(sandbox, CHORES, slots=1), name=name, limits=LIMITS)
+        Runner(SqlJobStore(database), ChildrenPool(sandbox, CHORES, slots=1), name=name, limits=LIMITS)
         for name, sandbox in zip(("first", "second"), children, strict=True)
     ]
 
@@ -135,7 +135,7 @@ def test_forward_a_worker_that_is_first_to_renew_its_lease_keeps_the_job(databas
     job = jobs.submit({"chore": "sleep", "seconds": 0.2}, "digest")
     first.fill()
     clock.set(HOUR)
-    first._leases.due[job.id] = 0.0
+    first._leases.due_at = 0.0
     first.keep_leases()
     look(second)
     second.fill()

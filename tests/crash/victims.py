@@ -145,7 +145,7 @@ def cancel_running(stores: Stores) -> None:
 
 def heartbeat(stores: Stores) -> None:
     stores.submitted()
-    assert stores.jobs.heartbeat(stores.claim(), lease_seconds=OVER)
+    assert stores.jobs.heartbeat([stores.claim()], lease_seconds=OVER)
 
 
 def succeed(stores: Stores) -> None:

@@ -18,4 +18,4 @@ def complain(document: str) -> SolveOutcome:
 def run() -> None:
     """Work until stopped."""
     start_logging("json", "info")
-    run_worker(WorkerTasks({JobKind.SOLVE: complain}), Settings(), slots=1, wake_fd=None)
+    run_worker(WorkerTasks({JobKind.SOLVE: complain}, "complaining:TASKS"), Settings(), slots=1, wake_fd=None)

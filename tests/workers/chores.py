@@ -10,6 +10,7 @@ import numpy as np
 
 from service.jobs.records import ChunkOutcome, JobKind, Refused, Solved, SolveOutcome
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
+from workers.process.tasks import WorkerTasks
 
 SUMMARY: dict[str, object] = {
     "method": "quadrature",
@@ -58,3 +59,4 @@ def do_chunk(document: str) -> ChunkOutcome:
 
 
 CHORES = {JobKind.SOLVE: do_chore, JobKind.CHUNK: do_chunk}
+TASKS = WorkerTasks(CHORES, "tests.workers.chores:TASKS")

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Sequence
 
-from tests.workers.chores import CHORES
+from tests.workers.chores import TASKS
 
 
 def shift_clock(seconds: float) -> None:
@@ -26,12 +26,11 @@ def work(arguments: Sequence[str]) -> None:
 
     from service.settings import Settings  # noqa: PLC0415
     from workers.process.start import run_worker  # noqa: PLC0415
-    from workers.process.tasks import WorkerTasks  # noqa: PLC0415
 
     shift_clock(float(os.environ["CLOCK_SHIFT"]))
     logging.basicConfig(level=logging.INFO)
     slots, *wake_fd = map(int, arguments)
-    run_worker(WorkerTasks(CHORES), Settings(), slots=slots, wake_fd=wake_fd[0] if wake_fd else None)
+    run_worker(TASKS, Settings(), slots=slots, wake_fd=wake_fd[0] if wake_fd else None)
 
 
 def main() -> None:

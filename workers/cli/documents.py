@@ -3,18 +3,19 @@
 The answer is JSON, a picture, a table of samples, or text for people.
 """
 
+import io
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any  # JSON values of a summary: their shapes are those of the solution resource
+from xml.etree import ElementTree  # of our own text
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
 
 from service.csv_text import LF, csv_blocks
-from service.dynamics.motion import NO_CROSS_CHECK
 from service.dynamics.solution.ball_columns import is_part
 from service.jobs.kernels import FASTER, NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, SolveOutcome
@@ -23,6 +24,7 @@ from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.atlas.showing import describe_atlas, picture_of
 from service.schemas.problem.problem import read_problem
+from service.schemas.replies.solution_text import describe_solution
 from service.schemas.replies.verdict_text import Refusal
 from service.settings import Settings, read_settings
 from service.storage.codecs.packing import decode_arrays
@@ -119,6 +121,9 @@ def draw_file(file: Path, *, as_json: bool, picture: Path | None) -> int:
         say("--json and --picture=- both write to stdout; accepted is one of them")
         return _WRONG_USAGE
     if picture is not None:
+        if picture != STANDARD_STREAM and picture.suffix.lower() not in PICTURES:
+            say(f"--picture {picture}: accepted endings are {', '.join(PICTURES)}; - is SVG to stdout")
+            return _WRONG_USAGE
         check_writable(picture)
     settings = read_settings()
     document = read_document(file)
@@ -134,11 +139,81 @@ def draw_file(file: Path, *, as_json: bool, picture: Path | None) -> int:
         return _REFUSED
     drawn = AtlasOut.model_validate(result["verdict"])
     if picture is not None:
+        svg = picture_of(drawn)
+        try:
+            content = png_of(svg) if picture.suffix.lower() == ".png" else svg.encode()
+        except ModuleNotFoundError as fault:
+            say(f"--picture {picture}: a PNG needs {fault.name}, which is not installed; .svg needs nothing")
+            return _REFUSED
         with OutputFile(picture) as out:
-            out.write(picture_of(drawn).encode())
+            out.write(content)
     if picture != STANDARD_STREAM:
         answer(json.dumps(result["verdict"]) + "\n" if as_json else describe_atlas(drawn) + "\n")
     return 0
+
+
+PICTURES = (".svg", ".png")
+"""Endings of the files of pictures."""
+_DOTS = 2.0
+"""Dots of a PNG for a unit of the SVG."""
+_CLASSES: Mapping[str, Mapping[str, str]] = {
+    "axis": {"stroke": "#888", "fill": "none"},
+    "grid": {"stroke": "#ddd", "fill": "none"},
+    "change": {"stroke": "#222", "fill": "none", "dashes": "--"},
+    "open": {"fill": "#bbb", "fill-opacity": ".5"},
+}
+"""The looks of the classes in the style sheet of an atlas."""
+
+
+def png_of(svg: str) -> bytes:
+    """Return the picture of an atlas as PNG: its lines, polygons, rectangles and words, drawn by matplotlib.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        Matplotlib is not installed: nothing else needs it.
+    """
+    from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.patches import Polygon  # noqa: PLC0415
+
+    root = ElementTree.fromstring(svg)
+    width, height = map(float, root.attrib["viewBox"].split()[2:])
+    figure = Figure(figsize=(width / 100, height / 100), dpi=100 * _DOTS)
+    ax = figure.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(height, 0))
+    ax.set_axis_off()
+    for order, node in enumerate(root):
+        kind, given = node.tag.rpartition("}")[2], node.attrib
+        look = {"stroke": "none", "fill": "#222", **_CLASSES.get(given.get("class", ""), {}), **given}
+        opacity = float(look.get("fill-opacity", 1))
+        if kind == "text":
+            size = 10.5 if given.get("class") == "title" else 9.0
+            side = {"end": "right", "middle": "center"}.get(given.get("text-anchor", ""), "left")
+            ax.text(float(given["x"]), float(given["y"]), node.text or "", size=size, ha=side, zorder=order)
+        elif kind in ("line", "polyline", "polygon", "rect"):
+            drawn = Polygon(
+                _corners(kind, given),
+                closed=kind in ("polygon", "rect"),
+                facecolor=look["fill"] if look["fill"] == "none" else (look["fill"], opacity),
+                edgecolor=look["stroke"],
+                linestyle=look.get("dashes", "-"),
+                linewidth=0.72 * float(look.get("stroke-width", 1)),
+                zorder=order,
+            )
+            ax.add_patch(drawn)
+    content = io.BytesIO()
+    figure.savefig(content, format="png")
+    return content.getvalue()
+
+
+def _corners(kind: str, given: Mapping[str, str]) -> list[tuple[float, float]]:
+    """Return the corners of a shape."""
+    if kind in ("polyline", "polygon"):
+        return [(float(x), float(y)) for x, y in (each.split(",") for each in given["points"].split())]
+    if kind == "line":
+        return [(float(given[f"x{k}"]), float(given[f"y{k}"])) for k in (1, 2)]
+    x, y = float(given.get("x", 0)), float(given.get("y", 0))
+    right, bottom = x + float(given["width"]), y + float(given["height"])
+    return [(x, y), (right, y), (right, bottom), (x, bottom)]
 
 
 def _drawn(document: object, settings: Settings) -> dict[str, object] | str:
@@ -175,63 +250,9 @@ ROWS_SHOWN = 6
 def describe(summary: Summary, columns: Mapping[str, FloatArray]) -> str:
     """Return the solution with its error bounds in a few lines."""
     if not columns:
-        return "\n".join(_numbers(summary))
+        return "\n".join(describe_solution(summary))
     shown = {name: values for name, values in columns.items() if not is_part(name)}
-    return "\n".join([*_numbers(summary), "", *_table(shown)])
-
-
-def _numbers(summary: Summary) -> Iterator[str]:
-    yield f"method      {summary['method']}"
-    period = summary["period"]
-    if period is not None:
-        yield f"period      {_number(period)}"
-    if summary["aperiodic"] is not None:
-        yield f"aperiodic   {summary['aperiodic']}"
-        for when, end in summary["asymptotes"].items():
-            yield f"{when:<12}{_asymptote(end)}"
-    energy = summary["energy"]
-    yield f"energy      {_number(energy)}"
-    window = summary["window"]
-    if window is not None:
-        (lower, upper), (first, last) = window["ends"], window["g1"]
-        yield f"window      {lower} to {upper}, g1 from {first:.12g} to {last:.12g}"
-    yield f"error       ≤ {summary['error']:.1e} in every variable at the sampled times"
-    groups = {name: error["relative"] for name, error in summary["errors"].items()}
-    if groups:
-        parts = (f"{name} {error:.1e}" for name, error in groups.items() if error is not None)
-        yield f"relative    ≤ {', '.join(parts)}"
-    for name, integral in (summary["invariants"] or {}).items():
-        value = f" of {integral['value']!r} ({integral['kind']})" if "value" in integral else ""
-        yield f"{name + ' drift':<18}{integral['drift']:.1e}{value}"
-    stability = summary["stability"]
-    if stability is not None:
-        yield f"stability   {stability['verdict']}, trace {stability['trace']!r} ± {stability['error']:.1e}"
-    for name, angle in (summary["precession"] or {}).items():
-        yield f"precession  {name} {angle['value']!r} ± {angle['error']:.1e} a period"
-    check, warnings = summary["cross_check"], summary["warnings"]
-    if check is not None and not any(warning["code"] == NO_CROSS_CHECK for warning in warnings):
-        verdict = "agrees" if check["agrees"] else "DISAGREES"
-        extent = f"within {check['disagreement']:.1e} up to t = {check['horizon']:.6g}"
-        yield f"cross-check {verdict} with {check['method']} {extent}"
-    for convention in summary["conventions"]:
-        yield f"convention  {convention}"
-    for warning in warnings:
-        yield f"warning     {warning['message']} ({warning['code']})"
-
-
-def _number(estimate: Mapping[str, Any]) -> str:
-    if "radius" in estimate:
-        return f"{estimate['value']} ± {estimate['radius']} (proven)"
-    return f"{estimate['value']!r} ± {estimate['error']:.1e}"
-
-
-def _asymptote(end: Mapping[str, Any]) -> str:
-    where = "{} at g = ({:.12g}, {:.12g}, {:.12g})".format(end["kind"], *end["gamma"])
-    if end["time"] is not None:
-        return f"{where}, t = {end['time']['value']!r} ± {end['time']['error']:.1e}"
-    if end["rate"] is not None:
-        return f"{where}, approached like exp(-{end['rate']['value']:.12g} |t|)"
-    return where
+    return "\n".join([*describe_solution(summary), "", *_table(shown)])
 
 
 def _table(columns: Mapping[str, FloatArray]) -> Iterator[str]:

@@ -22,7 +22,7 @@ _TASKS, _TASKS_OF_A_SLOT, _ADDRESS_MB = 10, 4, 1000
 """The needs of a worker, counted: its threads, the processes around its children, two children a slot while
 they are replaced; and what a child reserves with all code loaded, 700 MB."""
 
-COMMANDS = ("run", "solve", "atlas", "sweep", "compile", "calibrate", "doctor")
+COMMANDS = ("run", "children", "solve", "atlas", "sweep", "compile", "calibrate", "doctor")
 _PATHS = ("file", "out", "csv", "picture")
 """Options that are paths."""
 
@@ -51,6 +51,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _command(name: str) -> Callable[..., int]:
     """Return the function of a command; it returns the exit code."""
     match name:
+        case "children":
+            from workers.process.remote import serve_children  # noqa: PLC0415
+
+            return serve_children
         case "solve":
             from workers.cli.documents import solve_file  # noqa: PLC0415
 
@@ -85,7 +89,7 @@ def run(*, slots: int | None = None, wake_fd: int | None = None) -> int:
     """
     from service.sandbox import lack_of_room  # noqa: PLC0415
     from workers.process.start import run_worker  # noqa: PLC0415
-    from workers.process.tasks import COMPUTATIONS, PRELOAD, WARM_UP, WorkerTasks  # noqa: PLC0415
+    from workers.process.tasks import TASKS  # noqa: PLC0415
 
     settings = read_settings()
     start_logging(settings.log_format, settings.log_level or "info")
@@ -101,7 +105,7 @@ def run(*, slots: int | None = None, wake_fd: int | None = None) -> int:
             from service.storage.database.migration import migrate_or_explain  # noqa: PLC0415
 
             migrate_or_explain(settings.database_url)
-        run_worker(WorkerTasks(COMPUTATIONS, PRELOAD, WARM_UP), settings, slots=slots, wake_fd=wake_fd)
+        run_worker(TASKS, settings, slots=slots, wake_fd=wake_fd)
     except _reasons_to_end() as fault:
         say(str(fault))
         return _FAILED

@@ -7,7 +7,7 @@ from typing import TypedDict
 
 from service.jobs.queue import BatchSize, Lane
 from service.jobs.records import Claim, JobKind
-from workers.process.pool import Batch
+from workers.process.pool import PoolBatch
 
 LEAST_SIZE_AHEAD = 8
 """Least batch size with which next batches are claimed before there are free children for them."""
@@ -105,15 +105,14 @@ class Waiting:
 
 
 @dataclass(slots=True, eq=False)
-class Run:
+class PoolRun:
     """Claimed jobs that a pool computes by one call."""
 
     claims: tuple[Claim, ...]
     """In the order in which they are computed."""
     starved: tuple[Lane, ...]
     """Lanes whose jobs were taken out of order, since they were starved one."""
-    batch: Batch
-    began_at: float
+    batch: PoolBatch
     is_alone: bool
     """It has one claim, and had no other."""
     lost: set[str] = field(default_factory=set)
@@ -137,8 +136,7 @@ class Run:
     @property
     def is_to_be_noted(self) -> bool:
         """A child has begun with a job that is to be alone, since an earlier worker was lost with it."""
-        is_computed = self.batch.begun > 0 and not self.batch.has_ended
-        return self.claims[0].alone and is_computed and not self.is_noted
+        return self.claims[0].alone and self.batch.is_taken and not self.is_noted
 
     @property
     def is_in_vain(self) -> bool:
@@ -147,7 +145,7 @@ class Run:
 
     def is_slow(self, begun_by: float) -> bool:
         """Whether jobs wait behind one of a batch that has taken long."""
-        return self.began_at < begun_by and 0 < self.batch.begun < len(self.claims)
+        return self.batch.began_at < begun_by and 0 < self.batch.begun < len(self.claims)
 
 
 def shared_out(claims: Sequence[Claim], children: int) -> Iterator[tuple[Claim, ...]]:

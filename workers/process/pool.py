@@ -15,7 +15,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any, Protocol  # Any: an outcome, or those of a batch
 
-from service.jobs.queue import BATCH_SECONDS
 from service.jobs.records import JobKind, Outcome
 from service.logs import about, call_about
 from service.sandbox import Sandbox, result_of
@@ -42,12 +41,12 @@ class ReturnedError(Exception):
     """The pool does not compute the batch, or cannot tell; nothing of it is to blame."""
 
 
-class Batch(Protocol):
+class PoolBatch(Protocol):
     """Calls that one child of a pool computes, one after the other."""
 
     @property
     def begun(self) -> int:
-        """Number of calls begun, the last of them perhaps not done. One alone has begun once it is taken."""
+        """Number of calls begun, the last of them perhaps not done. One alone counts as begun."""
         ...
 
     @property
@@ -56,8 +55,18 @@ class Batch(Protocol):
         ...
 
     @property
+    def began_at(self) -> float:
+        """When it began, on the clock of :func:`time.monotonic`; now, if it is not known to have."""
+        ...
+
+    @property
     def ended_at(self) -> float:
-        """When it ended, on the clock of :func:`time.monotonic`; now if it has not."""
+        """When it ended; now, if it has not."""
+        ...
+
+    @property
+    def is_taken(self) -> bool:
+        """A child has it, or had it, as far as is known."""
         ...
 
     @property
@@ -102,10 +111,12 @@ class Pool(Protocol):
         """Return how many batches can be computed at the same time, now."""
         ...
 
-    def start(self, kind: JobKind, calls: Sequence[Call], *, seconds: float) -> Batch:
+    def start(
+        self, kind: JobKind, calls: Sequence[Call], *, seconds: float, turn_seconds: float
+    ) -> PoolBatch:
         """Have a free place compute calls of a kind, each of which may take so many seconds.
 
-        One that has taken :data:`~service.jobs.queue.BATCH_SECONDS` begins no other.
+        No other one is begun when ``turn_seconds`` have passed.
         """
         ...
 
@@ -172,7 +183,7 @@ def compute_in_turn(
     return outcomes
 
 
-class LocalPool:
+class ChildrenPool:
     """The children of a sandbox.
 
     Parameters
@@ -200,30 +211,32 @@ class LocalPool:
         """Return the number of children."""
         return self._slots
 
-    def start(self, kind: JobKind, calls: Sequence[Call], *, seconds: float) -> "LocalBatch":
+    def start(
+        self, kind: JobKind, calls: Sequence[Call], *, seconds: float, turn_seconds: float
+    ) -> "ChildBatch":
         """Queue the calls at the child that has the fewest."""
         compute = self._computations[kind]
         future: Future[Any]
         if len(calls) == 1:
             ((fields, arguments),) = calls
             future = self._sandbox.submit(call_about, fields, compute, *arguments, seconds=seconds)
-            return LocalBatch(self._sandbox, future, None, self._wake)
+            return ChildBatch(self._sandbox, future, None, self._wake)
         ledger = Ledger()
         # The last call of a batch begins within that time, and may take as long as one that is alone.
         future = self._sandbox.submit(
-            compute_in_turn, ledger.path, BATCH_SECONDS, compute, calls, seconds=seconds + BATCH_SECONDS
+            compute_in_turn, ledger.path, turn_seconds, compute, calls, seconds=seconds + turn_seconds
         )
-        return LocalBatch(self._sandbox, future, ledger, self._wake)
+        return ChildBatch(self._sandbox, future, ledger, self._wake)
 
 
-class LocalBatch:
+class ChildBatch:
     """One call of a child; ``ledger`` is that of several calls."""
 
     def __init__(
         self, sandbox: Sandbox, future: Future[Any], ledger: Ledger | None, wake: Callable[[], None]
     ) -> None:
         self._sandbox, self._future, self._ledger, self._wake = sandbox, future, ledger, wake
-        self._start_by = time.monotonic() + START_SECONDS
+        self.began_at = time.monotonic()
         self._ended_at: float | None = None
         future.add_done_callback(self._end)
 
@@ -236,7 +249,7 @@ class LocalBatch:
     @property
     def begun(self) -> int:
         """Number of calls begun."""
-        return int(self.is_taken) if self._ledger is None else self._ledger.begun()
+        return 1 if self._ledger is None else self._ledger.begun()
 
     @property
     def has_ended(self) -> bool:
@@ -256,7 +269,7 @@ class LocalBatch:
     @property
     def is_stuck(self) -> bool:
         """No child has taken it in time."""
-        return not self.is_taken and time.monotonic() > self._start_by
+        return not self.is_taken and time.monotonic() > self.began_at + START_SECONDS
 
     def stop(self) -> int:
         """Have no other call begun; return how many were."""

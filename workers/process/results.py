@@ -2,10 +2,9 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import dataclass
-from functools import partial
 from typing import TypedDict
 
 from service.jobs.kernels import NEVER, WAITS, NeedsKernelsError, Outlook
@@ -15,6 +14,7 @@ from service.logs import Complaints, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database.availability import is_away
 from workers.process.batches import TakingTerms
+from workers.process.messages import RemoteFaultError, faults_text
 from workers.process.pool import ReturnedError
 
 logger = logging.getLogger(__name__)
@@ -41,39 +41,25 @@ class JobLimits:
 
 
 class Leases:
-    """The leases of a worker's claims: each is prolonged when a third of it is over."""
+    """The leases of a worker's claims: all are prolonged together when a third of one is over."""
 
     def __init__(self, store: JobStore, lease_seconds: float) -> None:
         self._store, self._seconds = store, lease_seconds
-        self.due: dict[str, float] = {}
-        """Instants by the ids of jobs, on the clock of :func:`time.monotonic`."""
+        self.due_at = 0.0
+        """On the clock of :func:`time.monotonic`."""
 
-    def begin(self, claims: Iterable[Claim]) -> None:
-        """Renew the leases of these claims from now on."""
+    def keep(self, claims: Sequence[Claim]) -> frozenset[str]:
+        """Prolong the leases if that is due; return the ids of the jobs whose claims hold."""
+        if time.monotonic() < self.due_at:
+            held = self._store.held(claims)
+        else:
+            held = self._store.heartbeat(claims, lease_seconds=self._seconds)
+            self.due_at = time.monotonic() + self._seconds / 3
         for claim in claims:
-            self.due.setdefault(claim.job_id, self._next())
-
-    def forget(self, claim: Claim) -> None:
-        """Renew its lease no more."""
-        self.due.pop(claim.job_id, None)
-
-    def still_holds(self, claim: Claim, held: frozenset[str]) -> bool:
-        """Renew a lease that is due; say whether the claim holds: whether its job is among the ``held``."""
-        holds = claim.job_id in held
-        if holds and time.monotonic() >= self.due[claim.job_id]:
-            holds = self._store.heartbeat(claim, lease_seconds=self._seconds)
-            self.due[claim.job_id] = self._next()
-        if not holds:
-            logger.info(
-                "job %s attempt %d: the claim was lost, stopping",
-                claim.job_id,
-                claim.attempt,
-                extra=extra_of(claim),
-            )
-        return holds
-
-    def _next(self) -> float:
-        return time.monotonic() + self._seconds / 3
+            if claim.job_id not in held:
+                said = "job %s attempt %d: the claim was lost, stopping"
+                logger.info(said, claim.job_id, claim.attempt, extra=extra_of(claim))
+        return held
 
 
 WAIT_SECONDS = 5.0
@@ -92,16 +78,14 @@ class Results:
         self._store, self._limits, self._outlook = store, limits, outlook
         self._complaints = Complaints(logger)
 
-    def store(
-        self, claim: Claim, outcome_of: Callable[[], Outcome], then_take: int, terms: TakingTerms
-    ) -> ClaimedJobs | None:
-        """Store the result of one job, or why it has none, and take others by the same commit.
+    def store(self, claim: Claim, outcome: Outcome, then_take: int, terms: TakingTerms) -> ClaimedJobs | None:
+        """Store the result of one job, and take others by the same commit.
 
-        None if none were asked for: those of a job without a result are claimed by nobody.
+        None if none were asked for: those of a result that cannot be stored are claimed by nobody.
         """
         try:
-            kept, claimed = self._store.finish(claim, outcome_of(), then_take=then_take, **terms)
-        except (Exception, CancelledError) as fault:
+            kept, claimed = self._store.finish(claim, outcome, then_take=then_take, **terms)
+        except Exception as fault:
             self.record(claim, fault)
             return None
         if not kept:
@@ -119,7 +103,7 @@ class Results:
                 raise
             # One of them cannot be stored. Alone each tells whether it is the one.
             for claim, outcome in ended:
-                self.store(claim, partial(_same, outcome), 0, terms)
+                self.store(claim, outcome, 0, terms)
             return None
         for claim, _ in ended:
             if claim.job_id not in held:
@@ -158,8 +142,9 @@ class Results:
             # A bug: it would only repeat itself, so there is no other attempt.
             # A long list may consist of jobs that all meet it.
             said = f"job {claim.job_id} attempt {claim.attempt}"
-            self._complaints.tell(said, fault, kind=place_of(fault), level=logging.ERROR)
-            self._fail(claim, "internal_error", f"{type(fault).__name__}: {fault}")
+            kind = str(fault) if isinstance(fault, RemoteFaultError) else place_of(fault)
+            self._complaints.tell(said, fault, kind=kind, level=logging.ERROR)
+            self._fail(claim, "internal_error", faults_text(fault))
 
     def _wait_for_kernels(self, claim: Claim, fault: NeedsKernelsError) -> None:
         """Queue a job again, or end it where nobody will have kernels: then the plain way is all there is."""
@@ -191,10 +176,6 @@ def fields_of(claim: Claim) -> dict[str, object]:
 def extra_of(claim: Claim) -> dict[str, object]:
     """Return what a line of the log about a claim has besides its text."""
     return {"fields": fields_of(claim)}
-
-
-def _same(outcome: SolveOutcome) -> SolveOutcome:
-    return outcome
 
 
 def _tell_too_late(claim: Claim) -> None:

@@ -10,15 +10,14 @@ import random
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError
-from functools import partial
 
 from service.jobs.kernels import Outlook
 from service.jobs.queue import BATCH_SECONDS, BatchSize, Lane, LaneShares
-from service.jobs.records import Claim, ClaimedJobs, JobKind, Outcome, Refused, Solved
+from service.jobs.records import Claim, ClaimedJobs, JobKind, Refused, Solved
 from service.jobs.store import JobStore
 from service.logs import about
 from service.sandbox import SandboxCrashError, SandboxTimeoutError
-from workers.process.batches import BatchSizes, Run, Waiting, may_share, shared_out
+from workers.process.batches import BatchSizes, PoolRun, Waiting, may_share, shared_out
 from workers.process.pool import Pool, ReturnedError
 from workers.process.results import JobLimits, Leases, Results, extra_of, fields_of
 
@@ -60,7 +59,7 @@ class Runner:
         self._store = store
         self._pool = pool
         self._limits = limits
-        self._runs: list[Run] = []
+        self._runs: list[PoolRun] = []
         self._waiting = Waiting()
         self._waits_since = 0.0
         """When a child last began something, or a job last began to wait."""
@@ -131,10 +130,10 @@ class Runner:
             return
         self._watch_at = time.monotonic() + WATCH_SECONDS
         claims = [*self._waiting, *(claim for run in self._runs for claim in run.held)]
-        held = self._store.held(claims)
-        self._waiting.keep(lambda claim: self._holds(claim, held))
+        held = self._leases.keep(claims)
+        self._waiting.keep(lambda claim: claim.job_id in held)
         for run in list(self._runs):
-            run.lost |= {claim.job_id for claim in run.held if not self._holds(claim, held)}
+            run.lost |= {claim.job_id for claim in run.held} - held
             if run.is_in_vain:
                 self._drop(run)
             elif run.batch.is_stuck:
@@ -179,20 +178,12 @@ class Runner:
         returned = {claim.job_id for claim in claims}
         self._waiting.keep(lambda claim: claim.job_id not in returned)
         for claim in claims:
-            self._forget(claim)
+            self._waiting.forget(claim.job_id)
         self._is_dry = False
-
-    def _holds(self, claim: Claim, held: frozenset[str]) -> bool:
-        """Say whether a claim holds; its lease is renewed if it is due."""
-        holds = self._leases.still_holds(claim, held)
-        if not holds:
-            self._forget(claim)
-        return holds
 
     def _wait(self, claims: Sequence[Claim]) -> None:
         self._waiting.add(claims)
         self._waits_since = time.monotonic()
-        self._leases.begin(claims)
 
     def _free(self) -> int:
         """Return how many places are free; one may have been given another call already."""
@@ -200,30 +191,27 @@ class Runner:
 
     def _start(self, claims: tuple[Claim, ...], starved: Sequence[Lane] = ()) -> None:
         calls = [(self._told(claim), _arguments(claim)) for claim in claims]
-        batch = self._pool.start(claims[0].kind, calls, seconds=self._limits.job_seconds)
-        now = self._waits_since = time.monotonic()
-        self._runs.append(Run(claims, tuple(starved), batch, now, is_alone=len(claims) == 1))
-        self._leases.begin(claims)
+        batch = self._pool.start(
+            claims[0].kind, calls, seconds=self._limits.job_seconds, turn_seconds=BATCH_SECONDS
+        )
+        self._waits_since = time.monotonic()
+        self._runs.append(PoolRun(claims, tuple(starved), batch, is_alone=len(claims) == 1))
         for claim in claims:
             self._shares.begin(claim.lane)
 
     def _told(self, claim: Claim) -> Mapping[str, object]:
         return {**fields_of(claim), "worker": self._name}
 
-    def _remove(self, run: Run) -> None:
+    def _remove(self, run: PoolRun) -> None:
         """Remove a run that has ended; those of its jobs that wait again keep their claims."""
         self._runs.remove(run)
-        seconds = (time.monotonic() - run.began_at) / len(run.claims)
+        seconds = (time.monotonic() - run.batch.began_at) / len(run.claims)
         for claim in run.claims:
             self._shares.end(claim.lane, seconds, was_starved=claim.lane in run.starved)
         waiting = {claim.job_id for claim in self._waiting}
         for claim in run.claims:
             if claim.job_id not in waiting:
-                self._forget(claim)
-
-    def _forget(self, claim: Claim) -> None:
-        self._leases.forget(claim)
-        self._waiting.forget(claim.job_id)
+                self._waiting.forget(claim.job_id)
 
     def _begin(self, claimed: ClaimedJobs, starved: Sequence[Lane], children: int) -> tuple[str, ...]:
         """Start the jobs to compute; return the ids of those solved already. ``starved`` lanes came first.
@@ -248,13 +236,13 @@ class Runner:
     def _next_waiting(self) -> tuple[Claim, ...]:
         return self._waiting.next(self._batch_sizes.share(len(self._waiting)))
 
-    def _drop(self, run: Run) -> None:
+    def _drop(self, run: PoolRun) -> None:
         """Kill a child that computes what nobody waits for; its other jobs are computed again."""
         run.batch.kill()
         self._wait(run.held)
         self._remove(run)
 
-    def _take_back(self, run: Run) -> None:
+    def _take_back(self, run: PoolRun) -> None:
         """Queue the jobs again that wait behind a long one of their batch: others may compute them."""
         begun = run.batch.stop()
         self._batch_sizes.size.reset()
@@ -263,18 +251,23 @@ class Runner:
         self._store.give_back_all([claim for claim in behind if claim.job_id not in run.lost], _SLOW)
         run.claims = run.claims[:begun]
         for claim in behind:
-            self._forget(claim)
+            self._waiting.forget(claim.job_id)
             self._shares.end(claim.lane, 0.0, was_starved=claim.lane in run.starved)
 
-    def _finish_alone(self, run: Run, then_take: int, starved: Sequence[Lane]) -> ClaimedJobs | None:
+    def _finish_alone(self, run: PoolRun, then_take: int, starved: Sequence[Lane]) -> ClaimedJobs | None:
         (claim,) = run.claims
         with about(**fields_of(claim)):
             if claim.kind is JobKind.SOLVE:
-                self._batch_sizes.size.learn(1, run.batch.ended_at - run.began_at)
-            terms = self._batch_sizes.terms(starved)
-            return self._results.store(claim, partial(_only_outcome, run), then_take, terms)
+                self._batch_sizes.size.learn(1, run.batch.ended_at - run.batch.began_at)
+            try:
+                (outcome,) = run.batch.outcomes()
+            except (Exception, CancelledError) as fault:
+                self._results.record(claim, fault, has_begun=run.batch.begun > 0)
+                return None
+            assert outcome is not None
+            return self._results.store(claim, outcome, then_take, self._batch_sizes.terms(starved))
 
-    def _finish_batch(self, run: Run, then_take: int, starved: Sequence[Lane]) -> ClaimedJobs | None:
+    def _finish_batch(self, run: PoolRun, then_take: int, starved: Sequence[Lane]) -> ClaimedJobs | None:
         try:
             outcomes = run.batch.outcomes()
         except (Exception, CancelledError) as fault:
@@ -294,10 +287,10 @@ class Runner:
         if suspects:
             self._batch_sizes.size.reset()
         elif outcomes:
-            self._batch_sizes.size.learn(len(outcomes), run.batch.ended_at - run.began_at)
+            self._batch_sizes.size.learn(len(outcomes), run.batch.ended_at - run.batch.began_at)
         return claimed
 
-    def _break_up(self, run: Run, fault: BaseException) -> None:
+    def _break_up(self, run: PoolRun, fault: BaseException) -> None:
         """Blame the job that its child was computing, and compute the others of the batch again."""
         if isinstance(fault, ReturnedError):
             self._store.give_back_all(run.held, str(fault))
@@ -313,12 +306,6 @@ class Runner:
             self._waiting.suspect(again)
         self._batch_sizes.size.reset()
         self._wait(again)
-
-
-def _only_outcome(run: Run) -> Outcome:
-    (outcome,) = run.batch.outcomes()
-    assert outcome is not None
-    return outcome
 
 
 def _arguments(claim: Claim) -> tuple[object, ...]:

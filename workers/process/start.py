@@ -27,7 +27,9 @@ from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from functools import partial
+from typing import Protocol
 
+from service.jobs.cluster import ClusterState
 from service.jobs.kernels import KERNELS, Kernels
 from service.local.wakeup import WorkerSocket
 from service.local.worker_process import worker_command
@@ -41,6 +43,7 @@ from service.sandbox import (
 from service.settings import Settings
 from service.startup import keep_what_is_loaded, use_one_thread
 from service.stopping import StopAsked
+from workers.process.pool import ChildrenPool, Pool
 from workers.process.tasks import Call, WarmUp, WorkerTasks
 
 logger = logging.getLogger(__name__)
@@ -221,6 +224,9 @@ class Warming:
         """Return how far kernels are compiled; None if there is nothing to compile."""
         return self.compiling.kernels
 
+    def cluster(self) -> None:
+        """Jobs are computed here."""
+
     def _run(self, warm_up: WarmUp) -> None:
         began = time.monotonic()
         # This waits until the fork server has loaded its modules; only then does the time of a call begin.
@@ -319,29 +325,77 @@ def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: i
         A later version has changed the database, perhaps since the service that starts this worker began.
     """
     use_one_thread()
-    modules = [*(computation.__module__ for computation in tasks.computations.values()), *tasks.preload]
     service = None if wake_fd is None else WorkerSocket(wake_fd)
-    sandbox = Sandbox(slots, memory_mb=settings.job_memory_mb, preload=modules)
     waker = Waker()
     # From here on the end needs a clean-up.
     with StopAsked() as stop:
         stop.tell(waker)
-        warming = Warming(sandbox, tasks.warm_up, slots=slots, wake=waker)
+        start = _start_cluster if settings.pool == "dask" else _start_children
+        pool, readiness, close = start(tasks, settings, slots, waker)
         try:
-            warming.start()
             # Not at the top: the children start while this process loads what the database needs.
             from workers.process.worker import Equipment, use_database  # noqa: PLC0415
 
             keep_what_is_loaded()
             if service is None or _is_database_ready(service, waker, stop):
-                warming.go_on()
-                equipment = Equipment(sandbox, warming, waker, service, stop)
-                use_database(tasks.computations, settings, slots, equipment)
+                readiness.go_on()
+                use_database(settings, slots, Equipment(pool, readiness, waker, service, stop))
         finally:
-            sandbox.close()
+            close()
             if service is not None:
                 service.close()
             waker.close()
+
+
+class Readiness(Protocol):
+    """What a worker asks before it takes jobs."""
+
+    def go_on(self) -> None:
+        """Allow all preparations."""
+        ...
+
+    def may_take_jobs(self) -> bool:
+        """Tell whether jobs may be taken. Once true it stays true."""
+        ...
+
+    def is_over(self) -> bool:
+        """Tell whether all that jobs need is there."""
+        ...
+
+    def kernels(self) -> Kernels | None:
+        """Return how far these are compiled; None if there is nothing to compile."""
+        ...
+
+    def cluster(self) -> ClusterState | None:
+        """Return the cluster on which jobs are computed; None if they are here."""
+        ...
+
+
+_Started = tuple[Pool, Readiness, Callable[[], None]]
+"""A pool, whether it is ready, and what ends it."""
+
+
+def _start_children(tasks: WorkerTasks, settings: Settings, slots: int, waker: Waker) -> _Started:
+    sandbox = Sandbox(slots, memory_mb=settings.job_memory_mb, preload=tasks.modules())
+    warming = Warming(sandbox, tasks.warm_up, slots=slots, wake=waker)
+    warming.start()
+    return ChildrenPool(sandbox, tasks.computations, slots=slots, wake=waker), warming, sandbox.close
+
+
+def _start_cluster(tasks: WorkerTasks, settings: Settings, _slots: int, waker: Waker) -> _Started:
+    from workers.process.cluster import DaskPool, log_as_others, refuse_pickles  # noqa: PLC0415  # most have no Dask
+
+    assert settings.dask_scheduler is not None
+    log_as_others()
+    refuse_pickles()
+    pool = DaskPool(
+        settings.dask_scheduler,
+        tasks.name,
+        memory_mb=settings.job_memory_mb,
+        silent_seconds=settings.lease_seconds,
+        wake=waker,
+    )
+    return pool, pool, pool.close
 
 
 def _is_database_ready(service: WorkerSocket, waker: Waker, stop: StopAsked) -> bool:

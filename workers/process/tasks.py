@@ -46,10 +46,16 @@ class WorkerTasks:
     """The computations of a worker, and the preparations for them."""
 
     computations: "Computations"
+    name: str
+    """``module:attribute`` of this, by which other processes find it."""
     preload: Sequence[str] = ()
     """Modules that the computations need, beside their own."""
     warm_up: WarmUp | None = None
     """Functions that its children call before and after it begins to take jobs."""
+
+    def modules(self) -> list[str]:
+        """Return the names of all modules that children need."""
+        return [*(computation.__module__ for computation in self.computations.values()), *self.preload]
 
 
 PRELOAD = (
@@ -151,3 +157,5 @@ COMPUTATIONS: "Computations" = {
     JobKind.CHUNK: solve_chunk,
     JobKind.ATLAS: draw_atlas,
 }
+TASKS = WorkerTasks(COMPUTATIONS, "workers.process.tasks:TASKS", PRELOAD, WARM_UP)
+"""What a worker computes in earnest."""

@@ -13,21 +13,21 @@ from typing import TYPE_CHECKING, Protocol
 
 from sqlalchemy.exc import SQLAlchemyError
 
+from service.jobs.cluster import ClusterState
 from service.jobs.kernels import Kernels, Outlook
 from service.local.wakeup import WARM, WorkerSocket
 from service.local.worker_process import WorkerProcess, new_worker_name, this_host
 from service.logs import Complaints, about
-from service.sandbox import Sandbox
 from service.settings import Settings
 from service.stopping import StopAsked
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import WorkerRegistry
-from workers.process.pool import Computations, LocalPool
+from workers.process.pool import Pool
 from workers.process.results import JobLimits
 from workers.process.runner import WATCH_SECONDS, Runner
-from workers.process.start import Waker, Warming
+from workers.process.start import Readiness, Waker
 
 if TYPE_CHECKING:
     from workers.process.notifications import Notifications
@@ -44,11 +44,20 @@ class Presence:
         How often it is renewed.
     alone
         Whether a worker of another host refuses this one.
+    cluster
+        The cluster on which it computes, if it does.
     """
 
     def __init__(
-        self, registry: WorkerRegistry, worker: WorkerProcess, *, seconds: float, alone: bool
+        self,
+        registry: WorkerRegistry,
+        worker: WorkerProcess,
+        *,
+        seconds: float,
+        alone: bool,
+        cluster: Callable[[], ClusterState | None] = lambda: None,
     ) -> None:
+        self._cluster_now = cluster
         self._registry = registry
         self._worker = worker
         self._seconds = seconds
@@ -56,6 +65,7 @@ class Presence:
         self._has_entered = False
         self._is_warm = False
         self._kernels: Kernels | None = None
+        self._cluster: ClusterState | None = None
         self._due_at = 0.0
 
     def keep(self, *, is_warm: bool, kernels: Kernels | None) -> None:
@@ -68,9 +78,10 @@ class Presence:
             self._has_entered = True
             logger.info("worker %s with %d slots", self._worker.name, self._worker.slots)
             self._due_at = time.monotonic() + self._seconds
-        if self.seconds_left() == 0.0 or is_warm is not self._is_warm or kernels != self._kernels:
-            self._registry.see(self._worker, is_warm=is_warm, kernels=kernels)
-            self._is_warm, self._kernels = is_warm, kernels
+        news = is_warm, kernels, self._cluster_now()
+        if self.seconds_left() == 0.0 or news != (self._is_warm, self._kernels, self._cluster):
+            self._is_warm, self._kernels, self._cluster = news
+            self._registry.see(self._worker, is_warm=is_warm, kernels=kernels, cluster=self._cluster)
             self._due_at = time.monotonic() + self._seconds
 
     def outlook(self) -> Outlook:
@@ -261,14 +272,14 @@ PRESENT_SECONDS = 10.0
 class Equipment:
     """The parts of a worker that exist before it knows its database."""
 
-    sandbox: Sandbox
-    warming: Warming
+    pool: Pool
+    readiness: Readiness
     waker: Waker
     service: WorkerSocket | None
     stop: StopAsked
 
 
-def use_database(computations: Computations, settings: Settings, slots: int, equipment: Equipment) -> None:
+def use_database(settings: Settings, slots: int, equipment: Equipment) -> None:
     """Be present in the database, and compute its jobs until stopped.
 
     Raises
@@ -281,17 +292,22 @@ def use_database(computations: Computations, settings: Settings, slots: int, equ
     database = Database(settings.database_url, announces_jobs=settings.engine == "postgres")
     registry = WorkerRegistry(database, lease_seconds=settings.lease_seconds)
     seconds = min(settings.lease_seconds, PRESENT_SECONDS)
-    presence = Presence(registry, worker, seconds=seconds, alone=settings.engine == "local")
+    presence = Presence(
+        registry,
+        worker,
+        seconds=seconds,
+        alone=settings.engine == "local",
+        cluster=equipment.readiness.cluster,
+    )
     try:
         with about(worker=worker.name):
-            _loop(computations, settings, worker, presence, database, equipment)
+            _loop(settings, worker, presence, database, equipment)
     finally:
         presence.end()
         database.close()
 
 
 def _loop(
-    computations: Computations,
     settings: Settings,
     worker: WorkerProcess,
     presence: Presence,
@@ -305,8 +321,9 @@ def _loop(
         max_attempts=settings.max_attempts,
         retry_seconds=settings.retry_seconds,
     )
-    pool = LocalPool(equipment.sandbox, computations, slots=worker.slots, wake=equipment.waker)
-    runner = Runner(SqlJobStore(database), pool, name=worker.name, limits=limits, outlook=presence.outlook)
+    runner = Runner(
+        SqlJobStore(database), equipment.pool, name=worker.name, limits=limits, outlook=presence.outlook
+    )
     notifications = _notifications(database) if database.announces_jobs else None
     loop = EngineLoop(
         runner,
@@ -314,9 +331,9 @@ def _loop(
         equipment.waker,
         service=equipment.service,
         announcements=notifications,
-        takes_jobs=equipment.warming.may_take_jobs,
-        is_warm=equipment.warming.is_over,
-        kernels=equipment.warming.kernels,
+        takes_jobs=equipment.readiness.may_take_jobs,
+        is_warm=equipment.readiness.is_over,
+        kernels=equipment.readiness.kernels,
         poll_seconds=settings.poll_seconds,
         grace_seconds=settings.grace_seconds,
     )

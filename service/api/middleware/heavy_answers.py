@@ -5,7 +5,7 @@ thousand clients may ask for one in the same moment: few of these answers begin 
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from functools import partial, wraps
 from typing import Any, ParamSpec, TypeVar  # Any: the send type of a coroutine, which is not used
 
@@ -20,8 +20,12 @@ from service.api.formats.negotiation import JSON
 from service.api.heavy_reads import Reader
 from service.api.middleware.caching import is_head
 from service.api.middleware.security import holder_of
-from service.api.queries.lists import Listing
+from service.api.queries.lists import NEWEST_FIRST, AnyAsking, Listing, read_listing
+from service.api.queries.queries import Asked
+from service.api.replies.errors import ApiError
 from service.api.replies.responses import PART_BYTES, PiecedAnswer, size_of
+from service.schemas.query.conditions import Condition, OrderKey
+from service.storage.searching.sources import Source, with_names
 
 T = TypeVar("T")
 
@@ -95,6 +99,25 @@ async def made_in_a_slot(request: Request, inside: Resources, make: Callable[[],
     if size_of(answer) <= PART_BYTES:
         return answer
     return _Counted(answer, await while_connected(request, reads.hold(reader, size_of(answer))))
+
+
+async def read_list(
+    inside: Resources,
+    asked: Asked[AnyAsking],
+    source: Source,
+    *,
+    conditions: Sequence[Condition] = (),
+    order: tuple[OrderKey, ...] = NEWEST_FIRST,
+) -> Listing:
+    """Return the list that is asked for, as :func:`read_listing`; names it does not know are looked up."""
+    # What is wrong is told without a thread, of which a slow database may leave none.
+    read = partial(read_listing, asked, conditions=conditions, order=order)
+    try:
+        return read(source)
+    except ApiError as refusal:
+        if all(fault.code != "unknown_column" for fault in refusal.faults):
+            raise
+    return await run_in_threadpool(lambda: read(with_names(inside.database, source)))
 
 
 async def listed(request: Request, inside: Resources, listing: Listing, rows: ListedRows[Found]) -> Response:

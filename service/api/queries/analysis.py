@@ -82,7 +82,7 @@ def _groupable(vocabulary: Vocabulary) -> Vocabulary:
 
 def _only(vocabulary: Vocabulary, accept: Callable[[Fact], bool]) -> Vocabulary:
     facts = {name: fact for name, fact in vocabulary.facts.items() if accept(fact)}
-    return Vocabulary(facts, vocabulary.has_pointers, vocabulary.has_labels)
+    return replace(vocabulary, facts=facts)
 
 
 def _names(

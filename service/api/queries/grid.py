@@ -9,6 +9,8 @@ from typing import Literal
 from pydantic import Field
 
 from service.api.queries.queries import FORMAT_HELP, Asked, QueryModel, refuse_if_any
+from service.schemas.query.conditions import Kind
+from service.schemas.query.facts import Fact, Vocabulary
 from service.schemas.reading.documents import Fault
 from service.schemas.sweep.sweep import Sweep
 
@@ -69,8 +71,16 @@ def read_grid_wish(asked: Asked[GridQuery], sweep: Sweep) -> GridWish:
 
 def _places(parts: Sequence[str], sweep: Sweep) -> tuple[dict[int, int], list[Fault]]:
     found, faults = dict[int, int](), list[Fault]()
+    named = Vocabulary({name: Fact(Kind.NUMBER, name) for name in sweep.pointers})
     for part in parts:
         pointer, _, text = part.rpartition("=")
+        meant = named.pointers_of(pointer)
+        if pointer not in sweep.pointers and len(meant) == 1:
+            (pointer,) = meant
+        elif len(meant) > 1:
+            message = f"{pointer!r} may be {' or '.join(meant)}; one of these is accepted"
+            faults.append(Fault("?at", "ambiguous_name", message))
+            continue
         if pointer not in sweep.pointers:
             accepted = ", ".join(f"{name}=0" for name in sweep.pointers)
             message = f"{part[:60]!r} is no place on an axis; accepted are such as {accepted}"

@@ -25,7 +25,7 @@ from service.schemas.replies.analysis import (
 from service.schemas.sweep.sweep import trusted_sweep
 from service.storage.database.database import Database
 from service.storage.searching.narrowing import slow_parts
-from service.storage.searching.sources import OF_JOB_ROWS, OF_SOLUTION_ROWS, Source
+from service.storage.searching.sources import OF_JOB_ROWS, OF_SOLUTION_ROWS, Source, with_names
 from service.storage.searching.statistics import Facet, Statistic, facets, statistics
 from service.storage.sweeps.point_reader import PointReader
 from service.storage.sweeps.point_tables import PointTable
@@ -136,7 +136,7 @@ def get_point_statistics(
 
 
 def _facets_of_rows(asked: Asked[FacetsQuery], database: Database, source: Source) -> Response:
-    analysis = read_facets(asked, source.vocabulary)
+    analysis = read_facets(asked, with_names(database, source).vocabulary)
     if asked.parameters.estimate:
         return estimate_of(slow_parts(source, analysis.conditions, read={"?by": analysis.by}))
     with database.search() as session:
@@ -144,7 +144,7 @@ def _facets_of_rows(asked: Asked[FacetsQuery], database: Database, source: Sourc
 
 
 def _statistics_of_rows(asked: Asked[StatisticsQuery], database: Database, source: Source) -> Response:
-    analysis, query = read_statistics(asked, source.vocabulary), asked.parameters
+    analysis, query = read_statistics(asked, with_names(database, source).vocabulary), asked.parameters
     by = analysis.by[0] if analysis.by else None
     if query.estimate:
         read = {"?of": analysis.of, "?by": analysis.by}

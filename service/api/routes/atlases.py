@@ -16,9 +16,8 @@ from service.api.formats.atlases import choose_format, media_types
 from service.api.formats.lists import list_responses
 from service.api.formats.negotiation import Accept
 from service.api.keys.idempotency import IdempotencyKey, read_key
-from service.api.middleware.heavy_answers import heavy, listed, made_in_a_slot, while_connected
+from service.api.middleware.heavy_answers import heavy, listed, made_in_a_slot, read_list, while_connected
 from service.api.middleware.security import Holder, check_priority
-from service.api.queries.lists import read_listing
 from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
 from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
 from service.api.queueing import Made, SubmissionTerms, queue
@@ -189,7 +188,7 @@ async def list_atlases(
     request: Request, asked: Annotated[Asked[JobsQuery], Depends(asked_of(JobsQuery))], inside: Inside
 ) -> Response:
     """List the jobs that draw atlases, newest first or as asked; `GET /v1/jobs` lists the others."""
-    listing = read_listing(asked, OF_ATLAS_ROWS, conditions=in_state(asked.parameters.state))
+    listing = await read_list(inside, asked, OF_ATLAS_ROWS, conditions=in_state(asked.parameters.state))
     return await listed(request, inside, listing, jobs_listed(inside.atlases.find))
 
 

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Depends, Response
 from pydantic import Field
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import Checks, Inside, Resources
 from service.api.prometheus import TEXT_FORMAT
 from service.api.queries.queries import QueryModel, query_of, query_parameters, without_query
 from service.api.replies.errors import ApiError
@@ -18,11 +18,11 @@ from service.api.replies.responses import json_response, refusals
 from service.catalogue import cases, classical, families
 from service.dynamics.accuracy import MotionKind
 from service.dynamics.problem import Tier
-from service.jobs.kernels import Kernels, most_missing
+from service.jobs.kernels import most_missing
 from service.jobs.records import AttemptOutcome
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.replies.installation import AccuracyOut, AccuracyRowOut, FamiliesOut, UnavailableOut
-from service.schemas.replies.job import StatusOut
+from service.schemas.replies.job import ClusterOut, StatusOut
 from service.schemas.replies.solution import CompilingOut, HealthOut, ReadinessOut
 from service.settings import Settings
 from service.storage.database.database import Database
@@ -63,7 +63,7 @@ async def get_readiness(inside: Inside) -> Response:
     So are workers that still start: `workers` says whether a job would be computed now; and so is a task that
     compiles kernels, with how far it is: until it ends jobs are solved without them.
     """
-    shared, workers, kernels = await inside.checks.get()
+    shared, workers, kernels, cluster = await inside.checks.get()
     checks = dict(shared)
     bad = [f"{name}: {said}" for name, said in checks.items() if said != OK]
     if bad:
@@ -79,19 +79,26 @@ async def get_readiness(inside: Inside) -> Response:
         compiling = CompilingOut(
             done=kernels.done, of=kernels.of, seconds=kernels.seconds, waits=kernels.waits
         )
-    return json_response(ReadinessOut(status="ok", checks=checks, workers=workers, compiling=compiling))
+    shown = None if cluster is None else ClusterOut.model_validate(asdict(cluster))
+    return json_response(
+        ReadinessOut(status="ok", checks=checks, workers=workers, compiling=compiling, cluster=shown)
+    )
 
 
-def checks_of(inside: Resources) -> tuple[dict[str, str], WorkersState, Kernels | None]:
-    """Look whether everything works; return what is wrong by part, the workers, and kernels they lack."""
+def checks_of(inside: Resources) -> Checks:
+    """Look whether everything works; return what is wrong by part, the workers, kernels, and the cluster.
+
+    Of kernels those that a worker lacks, of several clusters the one with most threads.
+    """
     checks = {"database": _database(inside), "sandbox": _sandbox(inside)}
     if checks["database"] != OK:
-        return checks, "none", None
-    kernels = None
+        return checks, "none", None, None
+    kernels = cluster = None
     with suppress(SQLAlchemyError):  # the next request says so
         registry = WorkerRegistry(inside.database, lease_seconds=inside.settings.lease_seconds)
         kernels = most_missing(registry.kernels())
-    return checks, _workers(inside), kernels
+        cluster = next(reversed(registry.clusters()), None)
+    return checks, _workers(inside), kernels, cluster
 
 
 def _log_of(inside: Resources) -> str | None:

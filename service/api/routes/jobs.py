@@ -14,9 +14,9 @@ from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.formats.lists import ListedRows, list_responses
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
-from service.api.middleware.heavy_answers import listed, while_connected
+from service.api.middleware.heavy_answers import listed, read_list, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.lists import PageQuery, read_listing
+from service.api.queries.lists import PageQuery
 from service.api.queries.prefer import Prefer, wait_seconds
 from service.api.queries.queries import (
     Asked,
@@ -231,8 +231,7 @@ async def list_jobs(
     request: Request, asked: Annotated[Asked[JobsQuery], Depends(asked_of(JobsQuery))], inside: Inside
 ) -> Response:
     """List jobs, newest first or as asked."""
-    # What is wrong is told without a thread, of which a slow database may leave none.
-    listing = read_listing(asked, OF_JOB_ROWS, conditions=in_state(asked.parameters.state))
+    listing = await read_list(inside, asked, OF_JOB_ROWS, conditions=in_state(asked.parameters.state))
     return await listed(request, inside, listing, jobs_listed(inside.jobs.find))
 
 

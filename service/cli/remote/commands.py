@@ -84,7 +84,11 @@ def list_things(
     of: Annotated[Kind, typer.Option(help="what is listed")] = "solutions",
     order: Annotated[str | None, typer.Option(help="such as -energy; newest first if left out")] = None,
     columns: Annotated[str | None, typer.Option(help="such as id,period,/motion/lambda")] = None,
-    limit: Annotated[int, typer.Option(min=1, help="at most so many")] = 50,
+    limit: Annotated[int | None, typer.Option(min=1, help="at most so many; 50, or all with --out")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="write .csv, .parquet, .arrow or .ndjson; - is CSV"),
+    ] = None,
     url: Url = None,
     key: Key = None,
     as_json: AsJson = False,
@@ -93,7 +97,7 @@ def list_things(
     from service.cli.remote.work import list_all  # noqa: PLC0415
 
     names = None if columns is None else columns.split(",")
-    list_all(of, where or [], order, names, limit, url=url, key=key, as_json=as_json)
+    list_all(of, where or [], order, names, limit, out=out, url=url, key=key, as_json=as_json)
 
 
 def tag(

@@ -1,12 +1,13 @@
 """The work of the remote commands: ask by the client, and print tables for people or JSON for programs."""
 
 import json
+import shutil
 import sys
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Self
+from typing import Any, Self  # Any: documents of a service
 
 import typer
 
@@ -20,6 +21,7 @@ from polhode.sweeps import Sweep
 from polhode.transport.carriers import ThreadCarrier
 from service.cli.common import REFUSED, WRONG_USAGE, fail
 from service.logs import one_line
+from service.schemas.replies.solution_text import curve_text, describe_record, potential_text, rounded
 from service.terminal import (
     STANDARD_STREAM,
     FileFaultError,
@@ -32,34 +34,32 @@ from service.terminal import (
 )
 
 _LONGEST = 100
+_NARROWEST = 6
+LISTED = 50
+"""Rows that a list prints."""
 
 
-def table(rows: Iterable[Iterable[object]]) -> str:
-    """Return rows as lines with aligned columns."""
+def table(rows: Iterable[Iterable[object]], *, width: int | None = None) -> str:
+    """Return rows as lines with aligned columns; the widest are cut until they fit into ``width``."""
     cells = [[_cell(each) for each in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    while width is not None and sum(widths) + 2 * (len(widths) - 1) > width and len(widths) > 1:
+        # The first one is the id, which people copy; if the others are narrow, the last one is left out.
+        widest = max(range(1, len(widths)), key=widths.__getitem__)
+        if widths[widest] > _NARROWEST:
+            widths[widest] -= 1
+        else:
+            del widths[-1]
+    cells = [
+        [c if len(c) <= w else f"{c[: w - 1]}…" for c, w in zip(row, widths, strict=False)] for row in cells
+    ]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in cells)
     return "".join(f"{line.rstrip()}\n" for line in lines)
 
 
-def facts_of(document: Mapping[str, object]) -> list[Sequence[object]]:
-    """Return a row for each fact of a document; what is nested deeper is left to ``--json``."""
-    return list(_facts(document))
-
-
-def _facts(document: Mapping[str, object]) -> Iterator[Sequence[object]]:
-    for name, value in document.items():
-        match value:
-            case {"value": number, "error": error, **others} if not others:
-                yield name, f"{number} ± {error:.1e}" if isinstance(error, float) else f"{number} ± {error}"
-            case {"value": digits, "radius": radius, **others} if not others:
-                yield name, f"{digits} ± {radius}"
-            case dict() if all(not isinstance(each, dict | list) for each in value.values()):
-                yield name, _pairs(value)
-            case dict() | list():
-                continue
-            case _:
-                yield name, value
+def report(document: Mapping[str, object]) -> str:
+    """Return what is stored as lines for people; all of it is in ``--json``."""
+    return "".join(f"{one_line(line)}\n" for line in describe_record(document))
 
 
 def _pairs(value: Mapping[str, object]) -> str | None:
@@ -235,7 +235,7 @@ def _wait(client: ph.Client, thing_ids: Sequence[str], seconds: float | None, *,
     if as_json:
         _print_json([_document(each) for each in ended], is_list=len(thing_ids) > 1)
     else:
-        answer("\n".join(table(facts_of(_document(each))) for each in ended))
+        answer("\n".join(report(_document(each)) for each in ended))
     if failures:
         raise typer.Exit(REFUSED)
 
@@ -271,33 +271,79 @@ def list_all(
     where: Sequence[str],
     order: str | None,
     columns: Sequence[str] | None,
-    limit: int,
+    limit: int | None,
     *,
+    out: Path | None,
     url: str | None,
     key: str | None,
     as_json: bool,
 ) -> None:
-    """Print what meets the conditions."""
+    """Print what meets the conditions, or write it to a file."""
+    chosen = None if out is None else "csv" if out == STANDARD_STREAM else _ENDINGS.get(out.suffix)
+    if out is not None:
+        if chosen is None or chosen == "npz":
+            accepted = ", ".join(ending for ending, name in _ENDINGS.items() if name != "npz")
+            fail(f"--out {out}: accepted endings are {accepted}", WRONG_USAGE)
+        check_writable(out)
     with connected(url, key) as client:
         match of:
             case "jobs":
-                rows = _rows(client.jobs(*where, order=order), columns, limit)
+                rows = _listed(client.jobs(*where, order=order), columns, limit, chosen, as_json=as_json)
             case "sweeps":
-                rows = _rows(client.sweeps(*where, order=order), columns, limit)
+                rows = _listed(client.sweeps(*where, order=order), columns, limit, chosen, as_json=as_json)
             case _:
-                rows = _rows(client.solutions(*where, order=order), columns, limit)
-    if as_json:
+                rows = _listed(client.solutions(*where, order=order), columns, limit, chosen, as_json=as_json)
+    if isinstance(rows, bytes):
+        with OutputFile(out or STANDARD_STREAM) as file:
+            file.write(rows)
+    elif as_json:
         answer(json.dumps(rows) + "\n")
     elif rows:
-        answer(table([list(rows[0]), *(row.values() for row in rows)]))
+        shown = rows if columns is not None else [{k: rounded(v) for k, v in row.items()} for row in rows]
+        answer(table([list(rows[0]), *(row.values() for row in shown)], width=_width()))
     else:
         say(f"no {of} meet this")
 
 
-def _rows(
-    listing: Listing[ThreadCarrier, Item], columns: Sequence[str] | None, limit: int
-) -> list[dict[str, object]]:
-    return listing.rows(columns or [*listing.columns, "labels"], limit=limit)
+def _listed(
+    listing: Listing[ThreadCarrier, Item],
+    columns: Sequence[str] | None,
+    limit: int | None,
+    file_format: str | None,
+    *,
+    as_json: bool,
+) -> list[dict[str, object]] | bytes:
+    """Return the rows of a list, or its file."""
+    if file_format is not None:
+        return listing.download(file_format, columns, limit=limit)
+    most = limit or LISTED
+    if as_json or columns is not None or "points" in listing.columns:
+        return listing.rows(columns or [*listing.columns, "labels"], limit=most)
+    found = listing.all(limit=most)
+    return [_row_of(each.document) for each in found if isinstance(each, Job | Motion)]
+
+
+def _row_of(document: Mapping[str, Any]) -> dict[str, object]:
+    """Return what people look for in a list: the problem, its numbers with few digits, and the labels."""
+    problem = document["problem"]
+    row: dict[str, object] = {
+        "id": document["id"],
+        "potential": potential_text(problem["potential"]),
+        "λ": curve_text(problem.get("motion", {})),
+    }
+    if "state" in document:
+        row |= {"state": document["state"], "solution": document["solution"]}
+    else:
+        numbers = {name: (document[name] or {}).get("value") for name in ("period", "energy")}
+        row |= {name: float(each) if isinstance(each, str) else each for name, each in numbers.items()}
+        row |= {"error": f"{document['error']:.0e}", "tier": document["tier"]}
+    row["created"] = str(document["created_at"])[:16].replace("T", " ")
+    return row | {"labels": _pairs(document["labels"])}
+
+
+def _width() -> int | None:
+    """Return the columns of the terminal; None where nobody looks."""
+    return shutil.get_terminal_size().columns if sys.stdout is not None and sys.stdout.isatty() else None
 
 
 def tag_thing(
@@ -339,7 +385,8 @@ def sweep_file(file: Path, out: Path | None, *, url: str | None, key: str | None
     with connected(url, key) as client:
         sweep = client.sweep(document, wait=False)
         say(f"sweep {sweep.id}")
-        sweep.wait()
+        with going_on(sweep.id):
+            sweep.wait()
         if out is not None and chosen is not None:
             content = client.download(sweep.id, chosen)
             with OutputFile(out) as written:
@@ -348,13 +395,25 @@ def sweep_file(file: Path, out: Path | None, *, url: str | None, key: str | None
             _print(sweep, as_json=as_json)
 
 
+@contextmanager
+def going_on(sweep_id: str) -> Iterator[None]:
+    """Tell whoever interrupts waiting that the sweep goes on, and what can be done with it."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        say("\nthe sweep goes on at the service; wait for it, get its points, or cancel it:")
+        for line in (f"wait {sweep_id}", f"get {sweep_id} --out points.parquet", f"cancel {sweep_id}"):
+            say(f"  polhode {line}")
+        raise
+
+
 def _document(thing: Resource[ThreadCarrier]) -> Mapping[str, object]:
     return thing.state if isinstance(thing, Sweep) else thing.document
 
 
 def _print(thing: Resource[ThreadCarrier], *, as_json: bool) -> None:
     document = _document(thing)
-    answer(json.dumps(document) + "\n" if as_json else table(facts_of(document)))
+    answer(json.dumps(document) + "\n" if as_json else report(document))
 
 
 def _print_json(documents: Sequence[Mapping[str, object]], *, is_list: bool) -> None:

@@ -181,7 +181,8 @@ def _program() -> str:
     found = str(beside) if beside.exists() else shutil.which("polhode")
     if found is None:
         raise WrongArgumentError(
-            "the program polhode is not installed here; connect(url) asks a service on another machine"
+            "the program polhode is not installed here: local() needs the service beside the client, which"
+            " pip install . in a checkout of polhode installs; connect(url) asks one that runs elsewhere"
         )
     return found
 

@@ -109,10 +109,10 @@ class FunctionOfTime:
             local, turns = split_time(times, self.period)
             here = self._within(local)
             moved = np.max([np.abs(self(local + by) - here).max(axis=0) for by in (-phase, phase)], axis=0)
-            bends, ranges = self.bends_and_ranges()
+            sagittas, ranges = self.sagittas_and_ranges(phase)
             for name, gained in self.advances.items():
                 ranges[list(self.columns).index(name)] += abs(gained.hi) * (phase / self.period.hi)
-            bounds += np.minimum(moved + phase * phase / 8.0 * bends, ranges)
+            bounds += np.minimum(moved + sagittas, ranges)
             gains = [self.advances.get(name, PairOfDoubles()).error for name in self.columns]
             bounds += np.abs(turns).max() * np.array(gains)
         return dict(zip(self.columns, bounds.tolist(), strict=True))
@@ -126,14 +126,15 @@ class FunctionOfTime:
         lost = 0.0 if turns <= 2.0**52 else 4.0 * EPSILON * turns * self.period.hi
         return self.period.error * turns + 4.0 * EPSILON * self.period.hi + lost
 
-    def bends_and_ranges(self) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of each column's second derivative, and of how far its values are apart."""
+    def sagittas_and_ranges(self, phase: float) -> tuple[FloatArray, FloatArray]:
+        """Return bounds of how far each column leaves its chords of length φ, and of its range."""
         sizes = np.abs(self.coefficients)
         bends, radii = np.zeros_like(sizes[:, 0]), np.zeros_like(sizes[:, 0])
         for k in range(1, sizes.shape[1]):
             bends += (k * k * (k * k - 1) / 3.0) * sizes[:, k]
             radii += sizes[:, k]
-        scales = (2.0 / np.diff(self.breaks)) ** 2
+        # Beyond 1e100 widths of a piece the range is the smaller bound, whatever this one is.
+        scales = 0.5 * np.minimum(phase / np.diff(self.breaks), 1e100) ** 2
         middles = self.coefficients[:, 0]
         ranges = (middles + radii).max(axis=0) - (middles - radii).min(axis=0)
         return (scales[:, None] * bends).max(axis=0), ranges
@@ -229,8 +230,10 @@ def errors_at(function: FunctionOfTime, times: FloatArray) -> dict[str, float]:
         local, turns = split_time(times, function.period)
         phase = function.phase_error(times)
         here, *moved = (_quaternion(function, local + by) for by in (0.0, -phase, phase))
-        bends = function.bends_and_ranges()[0][[list(function.columns).index(name) for name in LOCAL]]
-        bent = phase * phase / 8.0 * math.hypot(*bends.tolist())
+        sagittas = function.sagittas_and_ranges(phase)[0][
+            [list(function.columns).index(name) for name in LOCAL]
+        ]
+        bent = math.hypot(*sagittas.tolist())
         bound += min(max(float(np.abs(there - here).max()) for there in moved) + bent, 2.0)
         bound += 0.5 * float(np.abs(turns).max()) * function.advances.get("psi1", PairOfDoubles()).error
     return {**others, **dict.fromkeys(_QUATERNION, bound)}

@@ -12,7 +12,7 @@ from polhode.errors import PolhodeError
 from polhode.evaluation import optional
 from polhode.showing import rows_html
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
-from polhode.transport.exchange import ask_json
+from polhode.transport.exchange import ask, ask_json
 from polhode.transport.steps import Operation, operation
 from polhode.transport.terms import Terms
 
@@ -87,6 +87,17 @@ class Listing(Generic[CarrierT, Item]):
         """Return all of them, or the first ``limit``."""
         rows = yield from self._rows(limit, [])
         return [self._make(self.carrier, row) for row in rows]
+
+    @operation
+    def download(
+        self, file_format: str = "csv", columns: Sequence[str] | None = None, *, limit: int | None = None
+    ) -> Operation[bytes]:
+        """Return all, or the first ``limit``, as a file: ``csv``, ``ndjson``, ``arrow`` or ``parquet``."""
+        query = [*self._query, ("format", file_format)]
+        query += [] if columns is None else [("columns", ",".join(columns))]
+        query += [] if limit is None else [("limit", str(limit))]
+        path = f"{self._path}?{urlencode(query)}"
+        return (yield from ask(self.carrier.terms, "GET", path, accept="*/*")).content
 
     @operation
     def count(self) -> Operation[int]:

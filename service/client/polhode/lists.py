@@ -124,7 +124,7 @@ class _Piece:
 
     problems: list[tuple[int, Document]] = field(default_factory=list)
     wrong: list[Submitted] = field(default_factory=list)
-    """Those that cannot be sent at all."""
+    """Results for those that cannot be sent at all."""
 
 
 def _pairs(problems: Iterable[Given | PolhodeError]) -> Iterator[list[_Piece]]:

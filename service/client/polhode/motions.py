@@ -1,30 +1,31 @@
 """A solved motion: its numbers with their errors, the motion as a function of time, and its audits."""
 
+import math
+import os
 from collections.abc import Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Generic, Literal
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import ArrayLike
 
-from polhode import evaluation
-from polhode import showing as drawing
+from polhode import drawing, evaluation
 from polhode.documents.problems import Document, audit_of
-from polhode.documents.quantities import Exact, Quantity, fields, items
-from polhode.errors import PolhodeError
+from polhode.documents.quantities import Exact, Quantity, fields, items, whole
+from polhode.errors import FailedError, PolhodeError, WrongArgumentError
 from polhode.evaluation import FloatArray, FunctionOfTime, PairOfDoubles, Samples
 from polhode.showing import sphere_svg, table_html
 from polhode.transport.carriers import CarrierT, ThreadCarrier
-from polhode.transport.exchange import ARROW, ask, ask_json
+from polhode.transport.exchange import ARROW, FINAL, ask, ask_json, follow
 from polhode.transport.steps import Operation, operation
+from polhode.transport.terms import Terms
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
-from polhode.errors import FailedError
-from polhode.transport.exchange import FINAL, follow
-from polhode.transport.terms import Terms
+    from matplotlib.figure import Figure
 
 _WAIT_SECONDS = 20
 
@@ -237,6 +238,44 @@ class Motion(Generic[CarrierT]):
         """Draw columns over time, one period or the times of the problem, with matplotlib."""
         samples = yield from self._whole()
         return drawing.curves(samples, columns, ax)
+
+    @operation
+    def figure(self, file: str | os.PathLike[str] | None = None) -> Operation["Figure"]:
+        """Draw γ and ω over time and the path on the sphere, as a figure for a paper, with matplotlib.
+
+        Parameters
+        ----------
+        file
+            Where to write it: SVG, PDF, PNG and others, by the end of the name.
+        """
+        samples = yield from self._whole()
+        return drawing.figure(samples, self.period, file)
+
+    @operation
+    def animate(
+        self, file: str | os.PathLike[str] | None = None, *, frames: int = 100, seconds: float = 5.0
+    ) -> Operation[Path | drawing.Animation]:
+        """Let the figure move, over one period or the times of the problem, with matplotlib.
+
+        Parameters
+        ----------
+        file
+            A .gif, a .html with buttons, or where there is ffmpeg a .mp4; without one a notebook shows it.
+        frames, seconds
+            The number of pictures, 2 to 400, and how long they are shown altogether.
+
+        Raises
+        ------
+        WrongArgumentError
+            The file is of another kind, or numbers are out of range.
+        """
+        if not (2 <= whole(frames, "frames") <= _PICTURE_POINTS and 0 < seconds < math.inf):
+            raise WrongArgumentError(
+                f"frames = {frames}, seconds = {seconds}; 2 to {_PICTURE_POINTS} frames in more than 0 s are"
+                " accepted"
+            )
+        samples = yield from self._whole()
+        return drawing.animation(samples, self.period, file, frames, seconds)
 
     @operation
     def sphere(self, *, ax: "Axes | None" = None) -> Operation["Axes"]:

@@ -1,81 +1,16 @@
-"""Drawings of motions by matplotlib, tables and spheres in notebooks, and a progress bar."""
+"""Tables and spheres in notebooks, and a progress bar."""
 
-from collections.abc import Sequence
-from types import ModuleType
-from typing import TYPE_CHECKING
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
 
-from polhode.evaluation import Samples, optional
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-import sys
-import time
-from collections.abc import Mapping
-from html import escape
-
 from polhode.transport.terms import Progress
 
 FloatArray = NDArray[np.float64]
-
-_FEW = 10
-"""As many values of an axis are marked one by one."""
-_NAMES = {"g1": "γ₁", "g2": "γ₂", "g3": "γ₃"}
-
-
-def curves(samples: Samples, columns: Sequence[str], ax: "Axes | None") -> "Axes":
-    """Draw columns over time."""
-    ax = ax if ax is not None else _new_axes("plot()")
-    for name in columns:
-        ax.plot(samples.t, samples[name], label=_NAMES.get(name, name))
-    ax.set_xlabel("t")
-    ax.grid(visible=True, alpha=0.3)
-    ax.legend(loc="best")
-    return ax
-
-
-def sphere(gamma: FloatArray, ax: "Axes | None") -> "Axes":
-    """Draw a path on the unit sphere in three dimensions."""
-    ax = ax if ax is not None else _new_axes("sphere()", projection="3d")
-    across, along = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
-    mesh = np.sin(along) * np.cos(across), np.sin(along) * np.sin(across), np.cos(along)
-    ax.plot_wireframe(*mesh, color="0.8", linewidth=0.5)  # type: ignore[attr-defined]  # of axes in 3d
-    ax.plot(*gamma.T, color="tab:blue")
-    ax.set_aspect("equal")
-    ax.set_xlabel("γ₁")
-    ax.set_ylabel("γ₂")
-    ax.set_zlabel("γ₃")  # type: ignore[attr-defined]  # of axes in 3d
-    return ax
-
-
-def heatmap(
-    values: FloatArray, axes: Sequence[FloatArray], names: Sequence[str], title: str, ax: "Axes | None"
-) -> "Axes":
-    """Draw numbers on a grid as colours; points without a number stay empty."""
-    ax = ax if ax is not None else _new_axes("heatmap()")
-    # The axis with more values lies across.
-    if len(axes[1]) < len(axes[0]):
-        values, axes, names = values.T, axes[::-1], names[::-1]
-    for values_of, set_ticks in ((axes[1], ax.set_xticks), (axes[0], ax.set_yticks)):
-        if len(values_of) <= _FEW:
-            set_ticks(values_of)
-    down, across = (np.argsort(axis) for axis in axes)
-    colours = np.ma.masked_invalid(values[np.ix_(down, across)])
-    mesh = ax.pcolormesh(axes[1][across], axes[0][down], colours, shading="nearest")
-    ax.figure.colorbar(mesh, ax=ax, label=title)
-    ax.set_xlabel(names[1])
-    ax.set_ylabel(names[0])
-    return ax
-
-
-def _new_axes(what: str, **options: str) -> "Axes":
-    pyplot: ModuleType = optional("matplotlib.pyplot", what)
-    figure = pyplot.figure()
-    axes: Axes = figure.add_subplot(**options)
-    return axes
-
 
 _SIZE = 160
 _VIEW = np.array([0.48, 0.62, 0.62])
@@ -103,31 +38,22 @@ def rows_html(title: str, columns: Sequence[str], rows: Sequence[Mapping[str, ob
     return f"<table>{caption}<tr>{head}</tr>{body}</table>"
 
 
-def sphere_svg(gamma: NDArray[np.float64]) -> str:
+def sphere_svg(gamma: FloatArray) -> str:
     """Return a picture of a path on the unit sphere, shape (n, 3); what is behind is pale."""
-    across, up, towards = _axes()
     radius = _SIZE / 2 - 6
 
-    def position(point: NDArray[np.float64]) -> str:
-        return (
-            f"{_SIZE / 2 + radius * float(point @ across):.1f},{_SIZE / 2 - radius * float(point @ up):.1f}"
-        )
+    def positions(points: FloatArray) -> Iterator[str]:
+        return (f"{_SIZE / 2 + radius * x:.1f},{_SIZE / 2 - radius * y:.1f}" for x, y in points.tolist())
 
-    lines = []
-    is_front = gamma @ towards >= 0
-    edges = np.flatnonzero(np.diff(is_front)) + 1
-    for part in np.split(np.arange(len(gamma)), edges):
-        # One point more on either side joins the pieces.
-        points = " ".join(position(gamma[k]) for k in range(part[0], min(part[-1] + 2, len(gamma))))
-        opacity = "1" if is_front[part[0]] else "0.3"
-        lines.append(
-            f"<polyline points='{points}' fill='none' stroke='#1f6feb' stroke-width='1.6'"
-            f" opacity='{opacity}'/>"
-        )
+    lines = [
+        f"<polyline points='{' '.join(positions(points))}' fill='none' stroke='#1f6feb' stroke-width='1.6'"
+        f" opacity='{'1' if is_front else '0.3'}'/>"
+        for points, is_front in sphere_parts(gamma)
+    ]
+    ends = (end.split(",") for end in positions(seen(np.eye(3))))
     axes = "".join(
-        f"<line x1='{_SIZE / 2}' y1='{_SIZE / 2}' x2='{position(axis).partition(',')[0]}'"
-        f" y2='{position(axis).partition(',')[2]}' stroke='#999' stroke-width='0.7'/>"
-        for axis in np.eye(3)
+        f"<line x1='{_SIZE / 2}' y1='{_SIZE / 2}' x2='{x}' y2='{y}' stroke='#999' stroke-width='0.7'/>"
+        for x, y in ends
     )
     circle = f"<circle cx='{_SIZE / 2}' cy='{_SIZE / 2}' r='{radius}' fill='#8881' stroke='#888'/>"
     return (
@@ -136,7 +62,22 @@ def sphere_svg(gamma: NDArray[np.float64]) -> str:
     )
 
 
-def _axes() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def sphere_parts(gamma: FloatArray) -> Iterator[tuple[FloatArray, bool]]:
+    """Yield the parts of a path on the sphere, shape (n, 3), as they are seen, and whether in front."""
+    flat, is_front = seen(gamma), gamma @ _view()[2] >= 0
+    edges = np.flatnonzero(np.diff(is_front)) + 1
+    for part in np.split(np.arange(len(gamma)), edges):
+        # One point more joins it to the next.
+        yield flat[part[0] : part[-1] + 2], bool(is_front[part[0]])
+
+
+def seen(points: FloatArray) -> FloatArray:
+    """Return points of space as they are seen from where all three axes are in front, shape (n, 2)."""
+    across, up, _ = _view()
+    return points @ np.stack([across, up], axis=-1)
+
+
+def _view() -> tuple[FloatArray, FloatArray, FloatArray]:
     towards = _VIEW / np.linalg.norm(_VIEW)
     across = np.cross(np.array([0.0, 0.0, 1.0]), towards)
     across /= np.linalg.norm(across)

@@ -9,7 +9,7 @@ from urllib.parse import urlencode
 import numpy as np
 import pyarrow as pa
 
-from polhode import showing as drawing
+from polhode import drawing
 from polhode.documents.problems import Document, changed, nearest
 from polhode.documents.quantities import fields, items, whole
 from polhode.errors import WrongArgumentError

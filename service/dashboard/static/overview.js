@@ -15,17 +15,21 @@ const rows = new Map();
 let atWork = [];
 let heard = 0;
 
-const tile = (name, value, note = "") => h("div", {}, h("dt", {}, name), h("dd", {}, value, note ? h("span", { class: "error" }, ` ${note}`) : null));
+const tile = (name, value, note = "", more = []) => h("div", {}, h("dt", {}, name), h("dd", {}, value, note ? h("span", { class: "error" }, ` ${note}`, ...more.filter(Boolean)) : null));
 
 function showStatus(status) {
   const count = (state) => status.queue.filter((part) => part.state === state).reduce((sum, part) => sum + part.jobs, 0);
   const working = status.workers.filter((worker) => worker.slots);
   const busy = working.reduce((sum, worker) => sum + worker.running.length, 0);
   const slots = working.reduce((sum, worker) => sum + worker.slots, 0);
+  const clusters = new Map(working.filter(({ cluster }) => cluster).map(({ cluster }) => [cluster.scheduler, cluster]));
+  const onClusters = [...clusters.values()].flatMap(({ scheduler, is_connected: on, workers, threads, left_out: out, dashboard }) => [
+    `; Dask ${scheduler}: ${on ? `${workers} workers, ${threads} threads${out.length ? `, ${out.length} left out` : ""}` : "not connected"} `,
+    dashboard ? h("a", { href: dashboard }, "its page") : null]);
   const [minute] = status.rates;
   fill($("status"),
     tile("Waiting", String(count("queued"))), tile("Running", String(count("running"))),
-    tile("Workers", String(working.length), [`${busy} of ${slots} slots at work`, ...new Set(working.map((worker) => worker.kernels).filter(Boolean))].join("; ")),
+    tile("Workers", String(working.length), [`${busy} of ${slots} slots at work`, ...new Set(working.map((worker) => worker.kernels).filter(Boolean))].join("; "), onClusters),
     tile("Solved in a minute", String(minute.succeeded)), tile("Failed in a minute", String(minute.failed)));
   $("status").setAttribute("aria-busy", "false");
   atWork = working.flatMap((worker) => worker.running);

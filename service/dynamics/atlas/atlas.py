@@ -24,7 +24,7 @@ from service.dynamics.atlas.curves import (
     motion_at,
     plain_halves,
 )
-from service.dynamics.atlas.latitudes import formula_of, stays_at_latitudes, zeros_at_latitudes
+from service.dynamics.atlas.latitudes import stays_at_latitudes, zeros_at_latitudes
 from service.dynamics.atlas.parts import Atlas, AtlasPart, Beside, Change, LambdaRange, change_between
 from service.dynamics.atlas.sampled_atlas import sampled_atlas, single_at
 from service.dynamics.atlas.structures import LambdaPart, first_stretches, parts_of_range, whole_range
@@ -34,6 +34,8 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.intervals import IntervalAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.parity import is_written_even
+from service.dynamics.formula.tape import Tape
+from service.dynamics.potentials.families.general_formula import formula_of
 from service.dynamics.potentials.families.general_solution import GeneralPotential
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Sign
@@ -125,7 +127,7 @@ def make_atlas(
         A = C.
     """
     body.require_planar()
-    potential = with_formula(body, potential)
+    potential = with_formula(potential)
     if not potential.has_formula:
         with ctx.workprec(ENERGY_BITS):
             plain = _plain_halves(body, potential, over)
@@ -140,10 +142,24 @@ def make_atlas(
         return _assembled(halves, parts, over, samples, has_periods=has_periods)
 
 
-def with_formula(body: RigidBody, potential: Potential) -> Potential:
-    """Return the potential, by a formula if it is one of the family ``general`` with a constant F; A ≠ C."""
-    found = formula_of(body, potential) if isinstance(potential, GeneralPotential) else None
-    return found or potential
+def with_formula(potential: Potential) -> Potential:
+    """Return the potential by a formula whose windows can be proved for all λ, or as it was stated.
+
+    V1 of powers of w has a formula with √(g1² + g3²), of which bounds for stretches of λ tell nothing next to
+    the poles; they do where F is constant, and where that part cancels.
+    """
+    stated = potential.as_stated
+    if not isinstance(stated, GeneralPotential):
+        return potential
+    found = formula_of(stated)
+    if stated.is_uniform and _is_constant(stated.pieces[0].angular.F.tape):
+        return found or stated
+    is_simpler = found is not None and potential.has_formula and potential.tree != found.tree
+    return potential if is_simpler else stated
+
+
+def _is_constant(F: Tape) -> bool:
+    return F.result != 0 and all(0 not in (made.left, made.right) for made in F.instructions)
 
 
 def _halves(body: RigidBody, potential: Potential, over: LambdaRange) -> list[HalfCurves]:

@@ -16,7 +16,6 @@ direction (theory.md, 2.2).
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 from flint import arb, ctx
@@ -24,7 +23,6 @@ from numpy.typing import NDArray
 
 from service.dynamics.atlas.curves import HalfCurves, LambdaStretch, equator_of
 from service.dynamics.atlas.zeros import Zeros
-from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.monomials import (
     ALL_ATOMS,
@@ -35,11 +33,7 @@ from service.dynamics.formula.algebras.monomials import (
     Rules,
     read,
 )
-from service.dynamics.formula.printer import exact_tree
-from service.dynamics.formula.tape import Tape, compile_tape
-from service.dynamics.formula.tree import Binary, Call, Symbol, Tree
-from service.dynamics.potentials.families.general_solution import FAMILY, GeneralPotential
-from service.dynamics.potentials.potential import FormulaPotential, Potential
+from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.geometry.height import c_squared_range, log_sine_ball
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
 from service.dynamics.reduction.sign_proofs.equators import equators
@@ -70,30 +64,6 @@ def turns_by_latitude(tape: Tape, g1_sign: int, g3_sign: int) -> bool:
         third == 0 and first in (0, 2 * found.unit) and not {LOG_G1, LOG_G3} & dict(atoms).keys()
         for first, _, third, _, atoms in found.terms
     )
-
-
-def formula_of(body: RigidBody, potential: GeneralPotential) -> FormulaPotential | None:
-    """Return the same potential by its formula if F is one constant on all quadrants, else None."""
-    piece = potential.pieces[0]
-    if not potential.is_uniform or not _is_constant(piece.F):
-        return None
-    one, two = exact_tree(Fraction(1)), exact_tree(Fraction(2))
-    squares = [Binary("^", Call(name, potential.reference_angle), two) for name in ("cos", "sin")]
-    T = Binary("+", Binary("*", exact_tree(body.alpha), squares[0]), squares[1])
-    rho = Binary("-", one, Binary("^", Symbol("g2"), two))
-    share = Binary("/", piece.F, Binary("*", Binary("*", exact_tree(body.C), T), rho))
-    moments = [
-        Binary("*", exact_tree(moment), Binary("^", Symbol(name), two))
-        for moment, name in ((body.A, "g1"), (body.C, "g3"))
-    ]
-    Q = Binary("+", moments[0], moments[1])
-    whole = Binary("-", Binary("*", Q, Binary("+", piece.G, share)), piece.F)
-    return Potential.from_tree(whole, FAMILY)
-
-
-def _is_constant(F: Tree) -> bool:
-    tape = compile_tape(F, ("w",))
-    return tape.result != 0 and all(0 not in (made.left, made.right) for made in tape.instructions)
 
 
 _Latitude = tuple[int, arb, arb]

@@ -225,8 +225,8 @@ def _quaternion_error(dense: DenseOutput, times: FloatArray) -> float:
     phase = dense.phase_error(times)
     here, *moved = (_quaternion(dense, local + by) for by in (0.0, -phase, phase))
     # As in DenseOutput.errors_at: turned by any angle they are bent as much, and none leaves [-1, 1].
-    bends = dense.bends_and_ranges()[0][[dense.columns.index(name) for name in LOCAL_QUATERNION]]
-    bent = phase * phase / 8.0 * math.hypot(*bends.tolist())
+    sagittas = dense.sagittas_and_ranges(phase)[0][[dense.columns.index(name) for name in LOCAL_QUATERNION]]
+    bent = math.hypot(*sagittas.tolist())
     bound += min(largest(float(np.abs(there - here).max()) for there in moved) + bent, 2.0)
     return bound + 0.5 * float(np.abs(turns).max()) * dense.advances.get(PRECESSION[0], Advance()).error
 

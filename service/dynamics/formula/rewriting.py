@@ -3,6 +3,9 @@
 from collections.abc import Collection, Mapping, Sequence
 from fractions import Fraction
 
+from flint import fmpq_mpoly
+
+from service.dynamics.formula.register_polynomials import RegisterPolynomials
 from service.dynamics.formula.tape import Instruction, Recorder, Tape, without_unused
 from service.dynamics.formula.tree import (
     Binary,
@@ -134,6 +137,42 @@ def copied(tape: Tape) -> tuple[TapeBuilder, dict[int, int]]:
     for register, made in enumerate(tape.instructions, start=len(tape.variables)):
         registers[register] = builder.again(made, registers)
     return builder, registers
+
+
+def known_at_poles(tape: Tape) -> Tape:
+    """Return a tape with g1² + g3² for the factor 1 − g2² of sums in g2 alone: equal on the sphere.
+
+    Next to a pole doubles know the one to their last digit, and nothing of the other.
+    """
+    builder = TapeBuilder(tape.variables)
+    polynomials = RegisterPolynomials(builder, (2, 0, 1))
+    g2 = polynomials.context.gens()[2]
+    registers = {register: register for register in range(len(tape.variables))}
+    for register, made in enumerate(tape.instructions, start=len(tape.variables)):
+        registers[register] = builder.again(made, registers)
+        if made.operation not in ("add", "subtract"):
+            continue
+        polynomial = polynomials.of(registers[register])
+        if polynomial is None or any(third or first for third, first, _ in polynomial.monoms()):
+            continue
+        quotient, rest = divmod(polynomial, 1 - g2 * g2)
+        if quotient and not rest:
+            first, third = (builder.power(variable, Fraction(2)) for variable in (0, 2))
+            total = builder.emit(Instruction("add", first, third))
+            registers[register] = builder.multiply(total, _horner(builder, quotient))
+    return builder.tape(registers[tape.result])
+
+
+def _horner(builder: TapeBuilder, polynomial: fmpq_mpoly) -> int:
+    """Return the register of a polynomial in g2."""
+    coefficients = {int(power): Fraction(int(x.p), int(x.q)) for (*_, power), x in polynomial.terms()}
+    degree = max(coefficients)
+    total = builder.constant(coefficients[degree])
+    for power in range(degree - 1, -1, -1):
+        total = builder.multiply(total, 1)
+        if power in coefficients:
+            total = builder.emit(Instruction("add", total, builder.constant(coefficients[power])))
+    return total
 
 
 def with_half_angles(tree: Tree) -> Tree:

@@ -235,11 +235,11 @@ class FormulaPotential(Potential):
     tape: Tape = field()
     family: str = field()
     notices: tuple[Notice, ...] = field(default=(), compare=False)
-    stated: "FormulaPotential | None" = field(default=None, compare=False)
-    """The potential by the formula that was typed, where ``tree`` is a simpler one, equal on the sphere."""
+    stated: Potential | None = field(default=None, compare=False)
+    """The potential as it was stated, where ``tree`` is a simpler formula, equal on the sphere."""
 
     @property
-    def as_stated(self) -> "FormulaPotential":
+    def as_stated(self) -> Potential:
         """See Potential.as_stated."""
         return self if self.stated is None else self.stated
 
@@ -249,8 +249,8 @@ class FormulaPotential(Potential):
         return replace(self, tape=tape)
 
     def formula(self) -> str:
-        """Return V as a formula of the grammar, the one that was typed."""
-        return format_tree(self.as_stated.tree)
+        """Return V as a formula of the grammar, the one that was typed; see Potential.formula."""
+        return format_tree(self.tree) if self.stated is None else self.stated.formula()
 
     def value(self, gamma: FloatArray) -> FloatArray:
         """See Potential.value."""

@@ -146,10 +146,10 @@ class DenseOutput:
             local, turns = split_time(times, self.period)
             here = self._within(local)
             moved = np.max([np.abs(self(local + by) - here).max(axis=0) for by in (-phase, phase)], axis=0)
-            bends, ranges = self.bends_and_ranges()
+            sagittas, ranges = self.sagittas_and_ranges(phase)
             for name, advance in self.advances.items():
                 ranges[self.columns.index(name)] += abs(advance.hi) * (phase / self.period.hi)
-            bounds += np.minimum(moved + phase * phase / 8.0 * bends, ranges)
+            bounds += np.minimum(moved + sagittas, ranges)
             gains = [self.advances.get(name, Advance()).error for name in self.columns]
             bounds += np.abs(turns).max() * np.array(gains)
         return dict(zip(self.columns, bounds.tolist(), strict=True))
@@ -162,10 +162,11 @@ class DenseOutput:
         lost = float(turns_lost(turns)) * self.period.hi
         return self.period.error * turns + 4.0 * EPSILON * self.period.hi + lost
 
-    def bends_and_ranges(self) -> tuple[FloatArray, FloatArray]:
-        """Return bounds of each column's second derivative, and of how far its values are apart.
+    def sagittas_and_ranges(self, phase: float) -> tuple[FloatArray, FloatArray]:
+        """Return bounds of how far each column leaves its chords of length φ, and of its range.
 
-        On a piece, |T_k| ≤ 1 and |T_k''| ≤ k² (k² − 1) / 3 times the square of 2 / width.
+        That is φ²/8 times the second derivative; on a piece, |T_k| ≤ 1 and |T_k''| ≤ k² (k² − 1) / 3
+        times the square of 2 / width.
         """
         sizes = np.abs(self.coefficients)
         # Degree by degree: a sum's bits do not depend on the other columns.
@@ -173,7 +174,8 @@ class DenseOutput:
         for k in range(1, sizes.shape[1]):
             bends += (k * k * (k * k - 1) / 3.0) * sizes[:, k]
             radii += sizes[:, k]
-        scales = (2.0 / np.diff(self.breaks)) ** 2
+        # Beyond 1e100 widths of a piece the range is the smaller bound, whatever this one is.
+        scales = 0.5 * np.minimum(phase / np.diff(self.breaks), 1e100) ** 2
         middles = self.coefficients[:, 0]
         ranges = (middles + radii).max(axis=0) - (middles - radii).min(axis=0)
         return (scales[:, None] * bends).max(axis=0), ranges

@@ -23,6 +23,8 @@ from service.dynamics.formula.register_polynomials import RegisterPolynomials
 from service.dynamics.formula.rewriting import copied, with_half_angles
 from service.dynamics.formula.tape import Instruction, Tape, compile_tape
 from service.dynamics.formula.tree import Tree
+from service.dynamics.potentials.families.general_formula import formula_of
+from service.dynamics.potentials.families.general_solution import GeneralPotential
 from service.dynamics.potentials.potential import FormulaPotential, Notice, Potential
 from service.dynamics.verdict.exact_ring.generators import Element
 from service.dynamics.verdict.exact_ring.layout import (
@@ -73,18 +75,30 @@ anywhere."""
 def simplified(potential: Potential) -> Potential:
     """Return the potential by a simpler formula that is equal on the sphere, or as it is.
 
-    What it was before is :attr:`.Potential.as_stated`, and a notice says so.
+    An integral that has a formula is given by it. What it was before is :attr:`.Potential.as_stated`, and a
+    notice says so.
     """
-    if not isinstance(potential, FormulaPotential) or potential.stated is not None:
+    if is_simplified(potential):
         return potential
-    derived = potential.tape.derived
+    formula = formula_of(potential) if isinstance(potential, GeneralPotential) else potential
+    if not isinstance(formula, FormulaPotential):
+        return potential
+    derived = formula.tape.derived
     if simplified not in derived:
-        tree = _simpler(potential.tape) or potential.tree
+        tree = _simpler(formula.tape) or formula.tree
         # 1 - cos x = 2 sin(x/2)² keeps the digits where it is small, and shows a bound that it is positive.
         tree = with_half_angles(tree)
-        derived[simplified] = None if tree is potential.tree else with_simpler(potential, tree)
+        is_as_good = tree is formula.tree and potential.has_formula
+        if isinstance(potential, GeneralPotential):
+            # A quotient g1/|g1| that is left of F and G of quadrants has no bounds next to a pole.
+            is_as_good = not potential.is_uniform and _has_sizes(tree)
+        derived[simplified] = None if is_as_good else with_simpler(potential, tree)
     found: FormulaPotential | None = derived[simplified]
     return potential if found is None else replace(found.alone(), stated=potential)
+
+
+def _has_sizes(tree: Tree) -> bool:
+    return any(made.name == "abs" for made in compile_tape(tree).instructions)
 
 
 def is_simplified(potential: Potential) -> bool:
@@ -92,12 +106,10 @@ def is_simplified(potential: Potential) -> bool:
     return potential.as_stated is not potential
 
 
-def with_simpler(potential: FormulaPotential, tree: Tree) -> FormulaPotential:
+def with_simpler(potential: Potential, tree: Tree) -> FormulaPotential:
     """Return the potential by the formula of ``tree``, which was proved to be equal."""
-    text = (
-        f"on the sphere V is {format_tree(tree)}, which is proved; windows and solvers use this simpler "
-        "formula, whose bounds are narrower"
-    )
+    use = "this simpler formula, whose bounds are narrower" if potential.has_formula else "it"
+    text = f"on the sphere V is {format_tree(tree)}, which is proved; windows and solvers use {use}"
     notice = Notice(SIMPLER_POTENTIAL, text, "/potential")
     return FormulaPotential(
         tree, compile_tape(tree), potential.family, (*potential.notices, notice), potential

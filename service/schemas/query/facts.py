@@ -7,7 +7,7 @@ that a document holds as text such as "17/10".
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import lru_cache
@@ -168,6 +168,12 @@ def nearest_double(value: int | float | str) -> float | None:
 
 
 LABEL = "label."
+_NAME = re.compile(r"[A-Za-z_][A-Za-z_0-9]{0,60}\Z", re.ASCII)
+_PLACES: Mapping[str, str] = {
+    **{name: f"/motion/{name}" for name in ("lambda", "nu")},
+    **{name: f"/body/{name}" for name in "ABC"},
+}
+"""Names that have one place in every problem."""
 _POINTER = re.compile(r"/[^\x00\ud800-\udfff]+\Z")
 
 
@@ -179,12 +185,27 @@ class Vocabulary:
     has_pointers: bool = False
     """Any JSON pointer into the problem, beside the facts."""
     has_labels: bool = False
+    stored: Callable[[Sequence[str]], Sequence[str]] | None = None
+    """Returns which of some pointers there are in rows; None where nobody looks."""
+
+    def pointers_of(self, name: str) -> tuple[str, ...]:
+        """Return the pointers that a name of people may stand for, such as /motion/lambda for lambda.
+
+        It is the last part of the pointer, in the problem that of a parameter or of a coefficient.
+        """
+        if not self.has_pointers:
+            return tuple(each for each in self.facts if each[:1] == "/" and each.rpartition("/")[2] == name)
+        if name in _PLACES:
+            return (_PLACES[name],)
+        if self.stored is None or not _NAME.match(name):
+            return ()
+        return tuple(self.stored((f"/potential/parameters/{name}", f"/potential/{name}")))
 
     def accepted(self) -> str:
         """Return the phrase that names what is accepted."""
         names = list(self.facts)
         if self.has_pointers:
-            names.append("pointers to numbers of the problem such as /motion/lambda")
+            names.append("pointers to numbers of the problem such as /motion/lambda, or their last names")
         if self.has_labels:
             names.append("label.KEY")
         return f"accepted are {', '.join(names)}"
@@ -207,7 +228,21 @@ class Vocabulary:
                 message = f"{key[:60]!r} is no key of a label; accepted are {LABEL_KEYS}"
                 raise QueryError(parameter, "invalid_label", message, part.start)
             return Subject("label", key, Kind.TEXT)
+        if (meant := self._by_name(parameter, name, part)) is not None:
+            return meant
         near = get_close_matches(name[:60], self.facts, n=1)
         guess = f"did you mean {near[0]!r}? " if near else ""
         message = f"there is no column {name[:60]!r} here; {guess}{self.accepted()}"
         raise QueryError(parameter, "unknown_column", message, part.start)
+
+    def _by_name(self, parameter: str, name: str, part: Excerpt) -> Subject | None:
+        """Return the subject that a name of people stands for; None if there is none."""
+        found = self.pointers_of(name)
+        if len(found) > 1:
+            message = f"{name!r} may be {' or '.join(found)}; one of these is accepted"
+            raise QueryError(parameter, "ambiguous_name", message, part.start)
+        if not found:
+            return None
+        if self.has_pointers:
+            return Subject("pointer", found[0], Kind.NUMBER)
+        return Subject("fact", found[0], self.facts[found[0]].kind)

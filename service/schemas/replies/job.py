@@ -139,6 +139,24 @@ class RunningJobOut(ResponseModel):
     seconds: float = Field(description="Since the attempt began.")
 
 
+class LeftOutOut(ResponseModel):
+    """A worker of a cluster that computes nothing."""
+
+    worker: str = Field(description="Its address.")
+    why: str = Field(description="For people.")
+
+
+class ClusterOut(ResponseModel):
+    """A Dask cluster that computes for a worker."""
+
+    scheduler: str = Field(description="Address of its scheduler, or the path of its file.")
+    is_connected: bool = Field(description="Whether the worker is connected to the scheduler.")
+    workers: int = Field(description="Workers that are ready.")
+    threads: int = Field(description="Jobs that they compute at once.")
+    left_out: list[LeftOutOut] = Field(description="Workers that get no jobs.")
+    dashboard: str | None = Field(description="Address of Dask's own page; null if it has none.")
+
+
 class WorkerOut(ResponseModel):
     """A worker or service that was seen lately."""
 
@@ -151,6 +169,7 @@ class WorkerOut(ResponseModel):
     kernels: str | None = Field(
         description="How far its kernels are compiled; null if all are. Until then jobs go the plain way."
     )
+    cluster: ClusterOut | None = Field(description="Where it computes; null: in children of its own.")
     running: list[RunningJobOut] = Field(description="What it does.")
 
 

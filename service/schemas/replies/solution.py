@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.schemas.replies.job import StateName
+from service.schemas.replies.job import ClusterOut, StateName
 from service.schemas.replies.response_model import ResponseModel
 from service.schemas.replies.verdict import NoticeOut
 
@@ -278,6 +278,11 @@ class ReadinessOut(HealthOut):
         default=None,
         exclude_if=lambda compiling: compiling is None,
         description="How far the compiled code is that makes jobs fast; absent when all of it is there.",
+    )
+    cluster: ClusterOut | None = Field(
+        default=None,
+        exclude_if=lambda cluster: cluster is None,
+        description="The Dask cluster on which workers compute; absent where they do so themselves.",
     )
 
 

@@ -110,7 +110,11 @@ class Refusal(BaseModel):
         """Return each fault with its place, or the message with its evidence."""
         if self.faults:
             return "\n".join(f"{f.pointer or '/'}: {f.message} ({f.code})" for f in self.faults)
-        evidence = [f"  {name}: {json.dumps(value)}" for name, value in (self.model_extra or {}).items()]
+        extras = dict(self.model_extra or {})
+        nearest = extras.pop("nearest", None)
+        evidence = [f"  {name}: {json.dumps(value)}" for name, value in extras.items()]
+        if isinstance(nearest, dict):
+            evidence.append(f"  {_nearest(nearest['expression'], nearest['relative_squared_distance'])}")
         return "\n".join([f"{self.code}: {self.detail}", *evidence])
 
 
@@ -150,11 +154,9 @@ def _lines(verdict: VerdictOut) -> Iterator[str]:
         yield f"at          (g1, g2, g3) = ({', '.join(example.g)}){within}"
         yield f"{_FAILURES[example.kind]}{example.residual.mid} ± {example.residual.rad}"
     if verdict.nearest is not None:
-        distance = float(Fraction(verdict.nearest.relative_squared_distance))
-        yield (
-            f"nearest     {verdict.nearest.expression} (relative squared distance {distance:.6g}, "
-            f"least up to degree {verdict.nearest.degree})"
-        )
+        found = verdict.nearest
+        text = _nearest(found.expression, found.relative_squared_distance)
+        yield f"{text}, least up to degree {found.degree}"
     for warning in verdict.warnings:
         yield f"warning     {warning.message} ({warning.code})"
     if verdict.evidence is not None:
@@ -175,16 +177,22 @@ def _lines(verdict: VerdictOut) -> Iterator[str]:
         yield from describe_classification(verdict.classical)
 
 
+def _nearest(expression: str, distance: str) -> str:
+    """Return the admissible polynomial that is nearest, with its distance."""
+    return f"nearest     {expression}, at the relative squared distance {float(Fraction(distance)):.6g}"
+
+
 def _by_quadrant(what: str, functions: Mapping[str, FunctionOut | None]) -> Iterator[str]:
-    """Yield a function, or one for each quadrant where they differ."""
+    """Yield a function, or those of the quadrants, each once with the signs that it holds for."""
     texts = {
         quadrant: _function(function) for quadrant, function in functions.items() if function is not None
     }
     if len(set(texts.values())) == 1:
         yield f"{what} = {next(iter(texts.values()))}"
         return
-    for quadrant, text in texts.items():
-        signs = quadrant.replace("p", "+").replace("m", "-")
+    for text in dict.fromkeys(texts.values()):
+        alike = [quadrant for quadrant, other in texts.items() if other == text]
+        signs = ", ".join(quadrant.replace("p", "+").replace("m", "-") for quadrant in alike)
         yield f"{what} = {text} (signs of g1, g3: {signs})"
 
 

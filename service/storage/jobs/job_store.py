@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from sqlalchemy import Connection, bindparam, select, update
+from sqlalchemy import Connection, bindparam, select, tuple_, update
 from sqlalchemy.orm import Session
 
 from service.jobs.kernels import Way
@@ -49,9 +49,17 @@ from service.storage.tables.jobs import AttemptRow, JobRow
 from service.verdicts.cache_rows import CacheRow, Examination
 
 _JOBS = table_of(JobRow)
-_HOLDERS = select(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).where(
-    _JOBS.c.id.in_(bindparam("ids", expanding=True)), _JOBS.c.state == JobState.RUNNING.value
+_HOLDS = (
+    tuple_(_JOBS.c.id, _JOBS.c.owner, _JOBS.c.attempt).in_(bindparam("claimed", expanding=True)),
+    _JOBS.c.state == JobState.RUNNING.value,
 )
+_HELD = select(_JOBS.c.id).where(*_HOLDS)
+_RENEWAL = update(JobRow).where(*_HOLDS).returning(JobRow.id).execution_options(synchronize_session=False)
+
+
+def _claimed(claims: Sequence[Claim]) -> dict[str, object]:
+    """Return the parameters of a statement about claims."""
+    return {"claimed": [(claim.job_id, claim.worker, claim.attempt) for claim in claims]}
 
 
 class SqlJobStore:
@@ -178,13 +186,14 @@ class SqlJobStore:
             if taken != ClaimedJobs():
                 return taken
 
-    def heartbeat(self, claim: Claim, *, lease_seconds: float) -> bool:
-        """Prolong the lease, if the claim still holds."""
+    def heartbeat(self, claims: Sequence[Claim], *, lease_seconds: float) -> frozenset[str]:
+        """Prolong the leases of the claims that still hold; return the ids of their jobs."""
+        if not claims:
+            return frozenset()
         # A lease is nothing that clients see: nobody is told of a change.
         values = {"lease_until": DatabaseNow() + lease_seconds, "changed_at": JobRow.changed_at}
-        statement = update(JobRow).where(*fence(claim)).values(**values)
         with self._database.write() as session:
-            return session.scalar(statement.returning(JobRow.id)) is not None
+            return frozenset(session.scalars(_RENEWAL.values(**values), _claimed(claims)))
 
     def note_begun(self, claim: Claim) -> None:
         """Note that a child has begun with a job that is computed alone, if the claim still holds."""
@@ -199,11 +208,7 @@ class SqlJobStore:
         if not claims:
             return frozenset()
         with self._database.read() as session:
-            rows = session.execute(_HOLDERS, {"ids": [claim.job_id for claim in claims]})
-            holders = {(row.id, row.owner, row.attempt) for row in rows}
-        return frozenset(
-            claim.job_id for claim in claims if (claim.job_id, claim.worker, claim.attempt) in holders
-        )
+            return frozenset(session.scalars(_HELD, _claimed(claims)))
 
     def finish(
         self,

@@ -3,7 +3,9 @@
 from typing import Literal
 
 from sqlalchemy import delete, select
+from sqlalchemy.orm import Session
 
+from service.jobs.cluster import ClusterState
 from service.jobs.kernels import Kernels
 from service.local.worker_process import OtherHostError, WorkerProcess
 from service.storage.database.database import Database
@@ -57,10 +59,18 @@ class WorkerRegistry:
             self.leave(worker)
             raise OtherHostError(worker.host, other.host, now - other.seen_at)
 
-    def see(self, worker: WorkerProcess, *, is_warm: bool, kernels: Kernels | None = None) -> None:
+    def see(
+        self,
+        worker: WorkerProcess,
+        *,
+        is_warm: bool,
+        kernels: Kernels | None = None,
+        cluster: ClusterState | None = None,
+    ) -> None:
         """Refresh the row of a worker, or insert it again; remove rows of workers that died long ago.
 
-        ``kernels`` are how far these are compiled; None if there is nothing to compile.
+        ``kernels`` are how far these are compiled; None if there is nothing to compile. A worker that uses a
+        ``cluster`` has as many slots as there are threads, and one while there are none.
         """
         with self._database.write() as session:
             now = database_now(session)
@@ -76,6 +86,9 @@ class WorkerRegistry:
                 session.add(row)
             row.seen_at, row.is_warm = now, is_warm
             row.kernels = None if kernels is None else kernels.document()
+            row.cluster = None if cluster is None else cluster.document()
+            if cluster is not None:
+                row.slots = max(1, cluster.threads)
             session.execute(delete(WorkerRow).where(WorkerRow.seen_at < DatabaseNow() - FORGOTTEN_SECONDS))
 
     def state(self) -> WorkersState:
@@ -95,6 +108,11 @@ class WorkerRegistry:
         """Tell whether a worker that is alive has all kernels, or still compiles."""
         return any(each is None or each.fault is None for each in self._all_kernels())
 
+    def clusters(self) -> list[ClusterState]:
+        """Return the clusters that workers use, each once: as the worker says that has most threads there."""
+        with self._database.read() as session:
+            return clusters_of(session, database_now(session) - self._silent_seconds)
+
     def _all_kernels(self) -> list[Kernels | None]:
         with self._database.read() as session:
             alive = WorkerRow.seen_at >= database_now(session) - self._silent_seconds
@@ -105,3 +123,10 @@ class WorkerRegistry:
         """Remove the row of a worker that shuts down."""
         with self._database.write() as session:
             session.execute(delete(WorkerRow).where(WorkerRow.name == worker.name))
+
+
+def clusters_of(session: Session, since: float) -> list[ClusterState]:
+    """Return the clusters of workers seen since an instant, each once, the one with most threads last."""
+    stored = session.scalars(select(WorkerRow.cluster).where(WorkerRow.seen_at >= since)).all()
+    states = sorted((ClusterState.read(each) for each in stored if each is not None), key=lambda s: s.threads)
+    return [*{state.scheduler: state for state in states}.values()]

@@ -4,8 +4,9 @@ An expression means the same on SQLite and Postgres: numbers are doubles, words 
 their code points, and what a row does not have is NULL.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Self  # Any: SQL expressions of some type, tables and joins
 
 from sqlalchemy import ColumnElement, Select, select
@@ -14,6 +15,7 @@ from sqlalchemy.orm import InstrumentedAttribute, aliased, join
 from service.jobs.records import JobKind
 from service.schemas.query.conditions import Kind, Subject
 from service.schemas.query.facts import OF_JOBS, OF_RESULTS, OF_SOLUTIONS, OF_SWEEPS, Vocabulary, stored_name
+from service.storage.database.database import Database
 from service.storage.tables.jobs import AuditRow, JobRow
 from service.storage.tables.labels import LABELS_OF, AnyLabelRow
 from service.storage.tables.solutions import SolutionNumberRow, SolutionRow
@@ -269,3 +271,28 @@ OF_SWEEP_ROWS = Source(
     frozenset({"id", "state", "created_at", "points", "done", "refused", "priority"}),
     frozenset({"id"}),
 )
+
+SEEN_ROWS = 1000
+"""Rows that are looked at for a name, the newest, where no table has the numbers of all."""
+
+
+def with_names(database: Database, source: Source) -> Source:
+    """Return a list whose vocabulary knows which pointers its rows have, so that names can stand for them."""
+    return replace(
+        source, vocabulary=replace(source.vocabulary, stored=partial(_pointers_in, database, source))
+    )
+
+
+def _pointers_in(database: Database, source: Source, pointers: Sequence[str]) -> list[str]:
+    names = {stored_name(each): each for each in pointers}
+    with database.search() as session:
+        if (numbers := source.numbers) is not None:
+            return [
+                each
+                for name, each in names.items()
+                if session.scalar(select(numbers.key).where(numbers.key == name).limit(1)) is not None
+            ]
+        newest = source.select(source.row.facts).where(*source.always).order_by(source.id.desc())
+        rows = session.scalars(newest.limit(SEEN_ROWS)).all()
+    found = {name for facts in rows for name in facts or ()}
+    return [each for name, each in names.items() if name in found]

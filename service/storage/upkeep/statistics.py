@@ -8,16 +8,18 @@ whole tables.
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from sqlalchemy import ColumnElement, case, func, or_, select, text
 from sqlalchemy.orm import Session
 
+from service.jobs.cluster import ClusterState
 from service.jobs.kernels import Kernels, most_missing
 from service.jobs.records import FINISHED, AttemptOutcome, JobState
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now
+from service.storage.jobs.worker_registry import clusters_of
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.operations import WorkerRow
 from service.storage.tables.solutions import SolutionRow
@@ -86,6 +88,8 @@ class Figures:
     """Workers by engine."""
     kernels_missing: int
     """Kernels that the worker with the most of them has still to compile."""
+    clusters: Sequence[ClusterState]
+    """Dask clusters on which workers compute."""
     sweeps: Mapping[str, int]
     """Live sweeps by state."""
     points: tuple[int, int]
@@ -149,6 +153,7 @@ class Statistics:
             oldest = _oldest_queued(session, now)
             workers = _workers(session, now - self._seen_seconds)
             missing = _kernels_missing(session, now - self._seen_seconds)
+            clusters = clusters_of(session, now - self._seen_seconds)
             sweeps = self._sweeps.look(session)
             size = _database_bytes(session)
         points = self._sweeps.done, self._sweeps.refused
@@ -156,7 +161,18 @@ class Statistics:
         log_size = 0 if file is None else file.log_bytes()
         took = time.monotonic() - began
         return Figures(
-            live, oldest, workers, missing, sweeps, points, ended, size, log_size, began + took, took
+            live,
+            oldest,
+            workers,
+            missing,
+            clusters,
+            sweeps,
+            points,
+            ended,
+            size,
+            log_size,
+            began + took,
+            took,
         )
 
     def _ended(self, session: Session, now: float) -> Ended:

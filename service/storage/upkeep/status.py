@@ -11,6 +11,7 @@ from datetime import datetime
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from service.jobs.cluster import ClusterState
 from service.jobs.kernels import Kernels
 from service.jobs.records import FINISHED, JobState
 from service.storage.database.database import Database
@@ -60,6 +61,8 @@ class WorkerStatus:
     silent_seconds: float
     kernels: str | None
     """How far they are compiled; None if there is nothing to compile."""
+    cluster: ClusterState | None
+    """That on which it computes; None if it has children."""
     running: tuple[RunningJob, ...]
 
 
@@ -123,6 +126,7 @@ def _workers(session: Session, now: float, seen_seconds: float) -> Sequence[Work
             instant(row.started_at),
             max(0.0, now - row.seen_at),
             None if row.kernels is None else str(Kernels.read(row.kernels)),
+            None if row.cluster is None else ClusterState.read(row.cluster),
             tuple(running.get(row.name, ())),
         )
         for row in session.scalars(seen.limit(MOST_WORKERS))

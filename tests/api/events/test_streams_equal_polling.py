@@ -62,7 +62,7 @@ class Lives:
 
     def _beat(self, place, number):
         for claim in self._claims:
-            self._jobs.heartbeat(claim, lease_seconds=60.0)
+            self._jobs.heartbeat([claim], lease_seconds=60.0)
 
     def _lose(self, place, number):
         self._with_claim(place, lambda claim: self._jobs.lose(claim, "it died", max_attempts=3))

@@ -25,7 +25,7 @@ from tests.support.api import NEEDED_QUERY, STATE, TestClient
 from tests.support.lists import list_jobs
 from tests.workers.chores import CHORES
 from tests.workers.processes import wait_until
-from workers.process.pool import LocalPool
+from workers.process.pool import ChildrenPool
 from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
@@ -190,7 +190,7 @@ def test_a_full_disk_refuses_what_must_be_stored_and_serves_what_is(sqlite_url):
 def test_a_worker_keeps_its_result_until_there_is_room_for_it(sqlite_url):
     database = Database(sqlite_url)
     jobs, sandbox = SqlJobStore(database), Sandbox(1, preload=["tests.workers.chores"])
-    runner = Runner(jobs, LocalPool(sandbox, CHORES, slots=1), name="worker", limits=LIMITS)
+    runner = Runner(jobs, ChildrenPool(sandbox, CHORES, slots=1), name="worker", limits=LIMITS)
     collect = partial(runner.collect, refill=True)
     try:
         job = jobs.submit({"number": 1, "padding": "x" * 10_000}, "digest")
@@ -220,7 +220,7 @@ def is_away_at(act) -> bool:
 def test_a_worker_keeps_its_result_until_the_database_is_back(url):
     database = Database(url)
     jobs, sandbox = SqlJobStore(database), Sandbox(1, preload=["tests.workers.chores"])
-    runner = Runner(jobs, LocalPool(sandbox, CHORES, slots=1), name="worker", limits=LIMITS)
+    runner = Runner(jobs, ChildrenPool(sandbox, CHORES, slots=1), name="worker", limits=LIMITS)
     collect = partial(runner.collect, refill=True)
     outage = Outage(url)
     try:

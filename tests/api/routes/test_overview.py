@@ -1,7 +1,13 @@
 """What dashboards show: queue, workers, attempts with reasons, jobs of a sweep, solutions of a problem."""
 
+import json
+from dataclasses import asdict
+
 import pytest
 
+from service.jobs.cluster import ClusterState, LeftOut
+from service.local.worker_process import WorkerProcess
+from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import WorkerRow
 from tests.support.api import STATE, finish
@@ -44,6 +50,20 @@ def test_workers_are_told_with_what_they_do(client, database, jobs):
     (running,) = worker["running"]
     assert running.pop("seconds") >= 0.0
     assert running == {"id": job_id, "kind": "solve", "sweep": None, "attempt": 1}
+
+
+def test_the_cluster_on_which_a_worker_computes_is_told_everywhere(client, database):
+    assert "cluster" not in client.get("/readyz").json()
+    state = ClusterState("tcp://s:8786", True, 3, 24, (LeftOut("tcp://w:1", "its numerics is 3"),), None)
+    registry = WorkerRegistry(database, lease_seconds=60.0)
+    registry.see(WorkerProcess("bridge", "h", "postgres", 1), is_warm=True, cluster=state)
+    told = json.loads(json.dumps(asdict(state)))
+    assert client.get("/readyz").json()["cluster"] == told
+    (worker,) = [each for each in status(client)["workers"] if each["name"] == "bridge"]
+    assert (worker["cluster"], worker["slots"]) == (told, 24)
+    metrics = client.get("/metrics").text
+    for name, value in (("workers", 3), ("threads", 24), ("left_out", 1)):
+        assert f'polhode_cluster_{name}{{scheduler="tcp://s:8786"}} {value}.0' in metrics
 
 
 def test_attempts_that_ended_lately_are_counted_by_outcome(client, jobs):

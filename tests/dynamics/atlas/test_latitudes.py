@@ -5,13 +5,14 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from service.dynamics.atlas.atlas import make_atlas
-from service.dynamics.atlas.latitudes import formula_of, turns_by_latitude
+from service.dynamics.atlas.atlas import make_atlas, with_formula
+from service.dynamics.atlas.latitudes import turns_by_latitude
 from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
+from service.dynamics.verdict.simple_form import simplified
 from service.schemas.atlas.reading import read_atlas
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
@@ -176,7 +177,8 @@ def test_a_constant_F_has_an_atlas(A, C, F, G):
     """The formula has the values and the windows of the integral, which are found by another way."""
     rigid_body = body(A, C)
     potential = general_potential(rigid_body, F, G, {}, "pi/5")
-    told = formula_of(rigid_body, potential)
+    told = with_formula(potential)
+    assert told.has_formula
     g2 = np.array([-0.7, 0.2, 0.5])
     gamma = np.stack([np.sqrt(1 - g2**2) * np.cos(0.7), g2, np.sqrt(1 - g2**2) * np.sin(0.7)], axis=-1)
     # The integral is a sum of some hundred terms of about its size.
@@ -197,11 +199,15 @@ def test_a_constant_F_has_an_atlas(A, C, F, G):
         assert abs(part.series.energy.value[k] - expected) <= part.series.energy.error[k]
 
 
-def test_an_F_that_is_not_one_constant_has_no_formula():
+def test_an_F_that_is_not_one_constant_is_seen_as_an_integral():
     rigid_body = body(3, 1)
-    assert formula_of(rigid_body, general_potential(rigid_body, "w", "0", {})) is None
     texts = {"pp": "1", "mp": "2", "pm": "1", "mm": "1"}
-    assert formula_of(rigid_body, general_potential(rigid_body, texts, "g2", {})) is None
+    for F, G in (("w", "0"), (texts, "g2")):
+        potential = general_potential(rigid_body, F, G, {})
+        assert with_formula(simplified(potential)) is potential
+    # Unless a formula is left in which no √(g1² + g3²) is.
+    cancels = general_potential(body(2, 1), "-sqrt(w)/2", "-sqrt(2)/3/sqrt(1-g2^2)", {})
+    assert with_formula(simplified(cancels)).has_formula
 
 
 def test_a_motion_that_is_refused_is_a_part_with_a_reason():

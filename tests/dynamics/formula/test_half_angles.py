@@ -1,13 +1,14 @@
-"""1 - cos x is written 2 sin(x/2)² where it divides: the same function, with its digits next to 0."""
+"""1 - cos x is written 2 sin(x/2)² where it divides, and 1 - g2² as g1² + g3²: with the digits next to 0."""
 
 import mpmath
 import pytest
 from flint import arb, ctx
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.scalar import ScalarAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.rewriting import with_half_angles
+from service.dynamics.formula.rewriting import known_at_poles, with_half_angles
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.verdict.simple_form import is_simplified, simplified
 from tests.support.planar import body, formula
@@ -54,3 +55,26 @@ def test_a_quotient_keeps_its_digits_next_to_the_zero():
     )
     # 53 bits, of which 1 - cos x loses 2 log2(1/x) = 60: all.
     assert abs(float(value) / float(expected) - 1) < 1e-14
+
+
+@pytest.mark.parametrize(
+    "text", ["sqrt(1-g2^2)*g1", "1/(g2^2-1)^2", "log(2-2*g2^4)+1/g3", "g1/(g2-g2^3)", "exp(-1/(1-g2^2))"]
+)
+def test_a_factor_that_vanishes_at_both_poles_is_the_distance_from_them(text):
+    stated = compile_tape(parse(text))
+    rewritten = known_at_poles(stated)
+    with ctx.workprec(400):
+        third, first = arb("1e-40"), arb("3e-30")
+        place = first, (1 - first * first - third * third).sqrt(), third
+        known = stated.evaluate(BallAlgebra(), place)
+        # Of 1 − g2² about 200 of 400 bits are left.
+        assert rewritten.evaluate(BallAlgebra(), place).overlaps(known)
+    found = rewritten.evaluate(ScalarAlgebra(), [float(each) for each in place])
+    # A dozen roundings; exp(−1/x) has no digit there, and is 0.
+    assert abs(found - float(known)) <= 1e-14 * abs(float(known))
+
+
+@pytest.mark.parametrize("text", ["sqrt(1-g2)", "1/(1-g1^2)", "g2^2", "1/(2-g2^2)"])
+def test_what_vanishes_elsewhere_stays(text):
+    stated = compile_tape(parse(text))
+    assert known_at_poles(stated).instructions == stated.instructions

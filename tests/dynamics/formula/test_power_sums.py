@@ -68,3 +68,21 @@ def test_exact_numbers_cancel():
     found = algebra.value(tape_of("sqrt(1 - g2^2)").evaluate(algebra, (u, g2, u)))
     assert found.rel_accuracy_bits() > 45
     assert found.overlaps(arb(6).sqrt() * arb("1e-30"))
+
+
+@pytest.mark.parametrize(
+    ("text", "terms"),
+    [
+        ("(1 - g3^2)/(1 + g3)", {0: 1, 1: -1}),
+        ("(1 + g3)^3/(1 + g3)^2", {0: 1, 1: 1}),
+        ("(sqrt(g3) + 2*g3)/(3 + 6*sqrt(g3))", {Fraction(1, 2): Fraction(1, 3)}),
+        ("(g3^2 - 1/g3)*g3/(g3 - 1)", {0: 1, 1: 1, 2: 1}),
+    ],
+)
+def test_a_quotient_of_sums_with_exact_numbers_is_a_sum_where_it_is_one(text, terms):
+    algebra = PowerAlgebra(BallAlgebra(), Small(arb("0.3"), 1, 1))
+    g3 = PowerSum({(Fraction(1), 0): Fraction(1)})
+    found = tape_of(text).evaluate(algebra, (g3, g3, g3))
+    assert found.terms == {(Fraction(e), 0): Fraction(factor) for e, factor in terms.items()}
+    # No value was asked for on the way: it is the same at every place.
+    assert not algebra.powers

@@ -203,7 +203,7 @@ class JobMachine(RuleBasedStateMachine):
     @rule(claim=claims)
     def heartbeat(self, claim):
         job = self.holder(claim)
-        assert self.store.heartbeat(claim, lease_seconds=LEASE) == (job is not None)
+        assert bool(self.store.heartbeat([claim], lease_seconds=LEASE)) == (job is not None)
         if job is not None:
             job.lease_until = self.clock.now + LEASE
 

@@ -101,7 +101,7 @@ def test_a_write_of_anybody_else_changes_nothing(jobs, database, stale):
     zombie = replace(claim(jobs), **stale)
     assert not succeed(jobs, zombie)
     assert not jobs.finish_failure(zombie, {"code": "x"})
-    assert not jobs.heartbeat(zombie, lease_seconds=60)
+    assert not jobs.heartbeat([zombie], lease_seconds=60)
     assert not jobs.give_back(zombie)
     assert not jobs.lose(zombie, "x", max_attempts=3)
     assert jobs.held([zombie]) == frozenset()
@@ -126,7 +126,7 @@ def test_a_zombie_finds_its_job_finished_by_the_next(jobs, database):
 def test_a_heartbeat_keeps_the_lease(jobs):
     jobs.submit(PROBLEM, "digest")
     claimed = claim(jobs, lease_seconds=OVER)
-    assert jobs.heartbeat(claimed, lease_seconds=60)
+    assert jobs.heartbeat([claimed], lease_seconds=60)
     assert jobs.reconcile(max_attempts=3) == ()
     assert jobs.held([claimed]) == {claimed.job_id}
 
@@ -232,7 +232,7 @@ def test_a_cancelled_job_never_becomes_succeeded(jobs, database):
     claimed = claim(jobs)
     assert jobs.cancel(job.id).state is JobState.CANCELLED
     assert jobs.held([claimed]) == frozenset()
-    assert not jobs.heartbeat(claimed, lease_seconds=60)
+    assert not jobs.heartbeat([claimed], lease_seconds=60)
     assert not succeed(jobs, claimed)
     assert jobs.get(job.id).state is JobState.CANCELLED
     assert count_results(database) == [0, 0, 0]
@@ -324,7 +324,7 @@ def take(jobs, job, step, claims):
             return
     elif step == "expire":
         for claimed in claims[-1:]:
-            jobs.heartbeat(claimed, lease_seconds=OVER)
+            jobs.heartbeat([claimed], lease_seconds=OVER)
         jobs.reconcile(max_attempts=2)
     else:
         for claimed in reversed(claims):

@@ -62,7 +62,7 @@ class Workers:
             case "stop":
                 assert self.jobs.give_back(claim)
             case "be silent":
-                assert self.jobs.heartbeat(claim, lease_seconds=-1.0)
+                assert self.jobs.heartbeat([claim], lease_seconds=-1.0)
                 assert self.jobs.reconcile(max_attempts=ATTEMPTS) == (claim.job_id,)
                 self.lost.append(claim)
 

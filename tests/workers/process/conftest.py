@@ -1,11 +1,12 @@
 import pytest
 
 from service.sandbox import Sandbox
-from tests.workers.chores import CHORES
+from tests.support.dask_cluster import Cluster
+from tests.workers.chores import CHORES, TASKS
 from tests.workers.process.together import LIMITS
-from workers.process import pool as pool_module
-from workers.process import runner as runner_module
-from workers.process.pool import LocalPool
+from tests.workers.processes import wait_until
+from workers.process.cluster import DaskPool
+from workers.process.pool import ChildrenPool
 
 
 @pytest.fixture
@@ -16,18 +17,33 @@ def sandbox():
     sandbox.close()
 
 
+@pytest.fixture(scope="session")
+def cluster(tmp_path_factory):
+    """A scheduler and one worker with one thread; tests that kill them have their own."""
+    cluster = Cluster(tmp_path_factory.mktemp("cluster"))
+    yield cluster
+    cluster.close()
+
+
 @pytest.fixture
-def pool(sandbox):
+def connected():
+    """Connect to clusters, and wait until they have so many places."""
+    pools = []
+
+    def connect(cluster: Cluster, *, places: int = 1, silent_seconds: float = 3600.0) -> DaskPool:
+        terms = {"memory_mb": LIMITS.memory_mb, "silent_seconds": silent_seconds}
+        pools.append(DaskPool(cluster.address, TASKS.name, **terms))
+        wait_until(lambda: pools[-1].places() >= places)
+        return pools[-1]
+
+    yield connect
+    for pool in pools:
+        pool.close()
+
+
+@pytest.fixture(params=["local", pytest.param("dask", marks=pytest.mark.long)])
+def pool(request):
     """A pool with one place."""
-    return LocalPool(sandbox, CHORES, slots=1)
-
-
-@pytest.fixture
-def take_batch_seconds(monkeypatch):
-    """Change how long a call of several jobs may go on beginning others."""
-
-    def change(seconds: float) -> None:
-        for module in (pool_module, runner_module):
-            monkeypatch.setattr(module, "BATCH_SECONDS", seconds)
-
-    return change
+    if request.param == "local":
+        return ChildrenPool(request.getfixturevalue("sandbox"), CHORES, slots=1)
+    return request.getfixturevalue("connected")(request.getfixturevalue("cluster"))

@@ -33,10 +33,10 @@ class FiveAtOnce(BatchSize):
 
 
 @pytest.fixture
-def together(jobs, pool, take_batch_seconds, monkeypatch):
+def together(jobs, pool, monkeypatch):
     monkeypatch.setattr(runner_module, "BatchSize", FiveAtOnce)
     # Of a batch everything is begun, however busy the machine.
-    take_batch_seconds(60.0)
+    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 60.0)
     made = []
 
     def start(**limits) -> Together:
@@ -44,10 +44,10 @@ def together(jobs, pool, take_batch_seconds, monkeypatch):
         made.append(Together(jobs, pool, JobLimits(**{**chosen, **limits})))
         counted, start_batch = made[-1].batches, pool.start
 
-        def start_counted(kind, calls, *, seconds):
+        def start_counted(kind, calls, **terms):
             if len(calls) > 1:
                 counted.append(len(calls))
-            return start_batch(kind, calls, seconds=seconds)
+            return start_batch(kind, calls, **terms)
 
         monkeypatch.setattr(pool, "start", start_counted)
         return made[-1]
@@ -95,8 +95,8 @@ def test_one_that_fails_fails_alone(together, chore, state, code, attempts):
     assert [crew.outcomes(job_id) for job_id in others] == [[AttemptOutcome.SUCCEEDED]] * len(others)
 
 
-def test_the_time_limit_of_one_is_not_that_of_the_others(together, take_batch_seconds):
-    take_batch_seconds(0.0)
+def test_the_time_limit_of_one_is_not_that_of_the_others(together, monkeypatch):
+    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 0.0)
     crew = together(job_seconds=1.0)
     ids = crew.submit({}, {"chore": "spin"}, {}, {}, {})
     states = crew.finish(ids)
@@ -119,8 +119,8 @@ def test_cancelling_the_one_that_runs_kills_its_child_and_no_other_job(together,
     wait_until(lambda: not Path(f"/proc/{begun(log)[0]}").exists())
 
 
-def test_jobs_behind_a_long_one_go_back_to_the_queue_for_others(together, jobs, tmp_path, take_batch_seconds):
-    take_batch_seconds(0.0)
+def test_jobs_behind_a_long_one_go_back_to_the_queue_for_others(together, jobs, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 0.0)
     crew, log = together(), tmp_path / "log"
     ids = crew.submit({"chore": "sleep", "seconds": 3.0, "log": str(log)}, {}, {}, {}, {})
     wait_until(lambda: crew.turn() or begun(log))
@@ -147,6 +147,7 @@ def test_a_child_that_is_killed_from_outside_costs_an_attempt_of_the_one_that_it
     assert {tuple(crew.outcomes(job_id)) for job_id in (ids[0], *ids[2:])} == {(AttemptOutcome.SUCCEEDED,)}
 
 
+@pytest.mark.parametrize("pool", ["local"], indirect=True)  # its child is stopped
 def test_a_child_that_dies_before_it_begins_costs_nobody_an_attempt(together, sandbox):
     crew = together(max_attempts=1)
     child = sandbox.run(os.getpid, seconds=30)

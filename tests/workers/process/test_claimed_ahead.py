@@ -28,10 +28,10 @@ class EightAtOnce(BatchSize):
 
 
 @pytest.fixture
-def crew(jobs, pool, take_batch_seconds, monkeypatch):
+def crew(jobs, pool, monkeypatch):
     monkeypatch.setattr(runner_module, "BatchSize", EightAtOnce)
     # Of a batch everything is begun, however busy the machine.
-    take_batch_seconds(60.0)
+    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 60.0)
     crew = Together(jobs, pool, LIMITS)
     yield crew
     crew.runner.give_back()
@@ -53,9 +53,9 @@ def test_the_next_batch_is_claimed_beside_the_first_and_each_job_is_done_once(cr
 
 
 def test_what_waits_while_nothing_is_begun_goes_back_to_the_queue_for_others(
-    crew, jobs, tmp_path, take_batch_seconds
+    crew, jobs, tmp_path, monkeypatch
 ):
-    take_batch_seconds(0.0)
+    monkeypatch.setattr(runner_module, "BATCH_SECONDS", 0.0)
     log = tmp_path / "log"
     ids = crew.submit(
         {"chore": "sleep", "seconds": 3.0, "log": str(log)}, *({} for _ in range(2 * BATCH - 1))

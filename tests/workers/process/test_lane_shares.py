@@ -36,7 +36,7 @@ class FakeStore:
     def finish(self, claim, outcome, *, then_take=0, lease_seconds=0.0, starved=(), together=1):
         return True, self.take("worker", then_take, lease_seconds=lease_seconds, starved=starved)
 
-    def held(self, claims):
+    def heartbeat(self, claims, *, lease_seconds):
         return frozenset()
 
     def _claim(self, lane):
@@ -46,6 +46,9 @@ class FakeStore:
 
 class FakeBatch:
     begun, has_ended, ended_at, is_stuck = 1, False, 0.0, False
+
+    def __init__(self, began_at):
+        self.began_at = began_at
 
     def kill(self):
         pass
@@ -64,7 +67,7 @@ class FakePool:
         return self.slots
 
     def start(self, *_, **__):
-        self.batches.append(FakeBatch())
+        self.batches.append(FakeBatch(runner_module.time.monotonic()))
         return self.batches[-1]
 
 

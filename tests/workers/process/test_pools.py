@@ -12,6 +12,7 @@ from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeou
 from service.storage.codecs.packing import decode_points
 from tests.workers.processes import wait_until
 
+pytestmark = pytest.mark.parametrize("pool", ["local", "dask"], indirect=True)
 HOUR = 3600.0
 
 
@@ -20,7 +21,8 @@ def calls(*problems):
 
 
 def start(pool, *problems, seconds=HOUR):
-    return pool.start(JobKind.SOLVE, calls(*problems), seconds=seconds)
+    # An hour, so that all calls are begun, however busy the machine.
+    return pool.start(JobKind.SOLVE, calls(*problems), seconds=seconds, turn_seconds=HOUR)
 
 
 def ended(batch):
@@ -32,8 +34,7 @@ def begun(log):
     return log.read_text().split() if log.exists() else []
 
 
-def test_outcomes_are_those_of_the_calls_in_their_order(pool, take_batch_seconds):
-    take_batch_seconds(HOUR)
+def test_outcomes_are_those_of_the_calls_in_their_order(pool):
     assert pool.places() == 1
     batch = ended(start(pool, {}, {"chore": "refuse"}, {"chore": "raise"}, {}))
     first, second, third, fourth = batch.outcomes()
@@ -48,7 +49,9 @@ def test_outcomes_are_those_of_the_calls_in_their_order(pool, take_batch_seconds
 
 def test_a_chunk_has_the_bits_that_were_computed(pool):
     document = json.dumps({"first": 7, "count": 3, "sweep": {"seconds": 0.1}})
-    (outcome,) = ended(pool.start(JobKind.CHUNK, [({}, (document,))], seconds=HOUR)).outcomes()
+    (outcome,) = ended(
+        pool.start(JobKind.CHUNK, [({}, (document,))], seconds=HOUR, turn_seconds=HOUR)
+    ).outcomes()
     assert (outcome.count, outcome.refused, outcome.bounds) == (3, 0, {"period": (7.0, 9.0)})
     assert outcome.seconds == 0.1 * 3
     columns = decode_points(outcome.data)
@@ -73,16 +76,14 @@ def test_a_limit_or_a_death_costs_the_call_and_not_its_place(pool, chore, fault)
     assert isinstance(ended(start(pool, {})).outcomes()[0], Solved)
 
 
-def test_the_call_that_a_child_died_of_is_the_one_that_was_begun_last(pool, take_batch_seconds):
-    take_batch_seconds(HOUR)
+def test_the_call_that_a_child_died_of_is_the_one_that_was_begun_last(pool):
     batch = ended(start(pool, {}, {}, {"chore": "crash"}, {}))
     with pytest.raises(SandboxCrashError):
         batch.outcomes()
     assert batch.begun == 3
 
 
-def test_a_stop_lets_no_other_call_begin(pool, take_batch_seconds, tmp_path):
-    take_batch_seconds(HOUR)
+def test_a_stop_lets_no_other_call_begin(pool, tmp_path):
     log = tmp_path / "log"
     batch = start(pool, {}, {"chore": "sleep", "seconds": 1.5, "log": str(log)}, {"log": str(log)}, {})
     wait_until(lambda: begun(log))

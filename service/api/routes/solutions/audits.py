@@ -14,9 +14,9 @@ from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.formats.lists import ListedRows, list_responses
 from service.api.keys.idempotency import IdempotencyKey, read_key
-from service.api.middleware.heavy_answers import listed, while_connected
+from service.api.middleware.heavy_answers import listed, read_list, while_connected
 from service.api.middleware.security import Holder, check_priority
-from service.api.queries.lists import AskingQuery, read_listing
+from service.api.queries.lists import AskingQuery
 from service.api.queries.prefer import Prefer, wait_seconds
 from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
 from service.api.queueing import Made, SubmissionTerms, queue
@@ -150,7 +150,7 @@ async def list_audits(
 ) -> Response:
     """List the audits of a solution, newest first or as asked: `where` and `order` are about their jobs."""
     standing = await run_in_threadpool(standing_of, inside.database, solution_id)
-    listing = read_listing(asked, audits_of(standing.id))
+    listing = await read_list(inside, asked, audits_of(standing.id))
     find = partial(inside.audits.find, standing.id)
     rows = ListedRows(AuditPageOut, find, lambda page: list(map(audit_out, page.audits)))
     return await listed(request, inside, listing, rows)

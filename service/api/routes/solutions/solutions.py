@@ -10,8 +10,8 @@ from pydantic import Field
 
 from service.api.dependencies import Inside, Resources
 from service.api.formats.lists import ListedRows, list_responses
-from service.api.middleware.heavy_answers import listed
-from service.api.queries.lists import AskingQuery, Listing, read_listing
+from service.api.middleware.heavy_answers import listed, read_list
+from service.api.queries.lists import AskingQuery, Listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
 from service.api.replies.records import solution_out
 from service.api.replies.responses import JSON, SolutionId, json_content, refusals
@@ -70,7 +70,7 @@ async def list_solutions(
     inside: Inside,
 ) -> Response:
     """Find solutions by their numbers; those without the number they are sorted by come last."""
-    listing = _listing(asked, ())
+    listing = await _listing(inside, asked, ())
     return await listed(request, inside, listing, _listed(inside))
 
 
@@ -88,17 +88,23 @@ async def list_problem_solutions(
     """Find the solutions of one problem, as in the list of all; a digest that nobody has, has none."""
     problem = Subject("fact", "digest", Kind.TEXT)
     values = (digest,) if _DIGEST.match(digest) else ()
-    listing = _listing(asked, (Condition(problem, "in", values),))
+    listing = await _listing(inside, asked, (Condition(problem, "in", values),))
     return await listed(request, inside, listing, _listed(inside))
 
 
-def _listing(asked: Asked[SolutionsQuery], conditions: tuple[Condition, ...]) -> Listing:
+async def _listing(
+    inside: Resources, asked: Asked[SolutionsQuery], conditions: tuple[Condition, ...]
+) -> Listing:
     given = asked.parameters
     if {"sort", "order"} <= asked.sent:
         both = Fault("?sort", "conflicting_parameters", "sort and order; one of the two is accepted")
         asked = replace(asked, faults=(*asked.faults, both))
-    return read_listing(
-        asked, OF_SOLUTION_ROWS, conditions=(*conditions, *_filters(given)), order=(_order(given.sort),)
+    return await read_list(
+        inside,
+        asked,
+        OF_SOLUTION_ROWS,
+        conditions=(*conditions, *_filters(given)),
+        order=(_order(given.sort),),
     )
 
 

@@ -13,9 +13,9 @@ from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.formats.lists import ListedRows, list_responses
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
-from service.api.middleware.heavy_answers import listed, while_connected
+from service.api.middleware.heavy_answers import listed, read_list, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
-from service.api.queries.lists import AskingQuery, PageQuery, read_listing
+from service.api.queries.lists import AskingQuery, PageQuery
 from service.api.queries.queries import Asked, QueryModel, asked_of, query_of, query_parameters, without_query
 from service.api.replies.records import sweep_out, sweep_state_out
 from service.api.replies.responses import SweepId, json_response, refusals
@@ -163,7 +163,7 @@ async def list_sweeps(
     request: Request, asked: Annotated[Asked[SweepsQuery], Depends(asked_of(SweepsQuery))], inside: Inside
 ) -> Response:
     """List sweeps without their documents, newest first or as asked."""
-    listing = read_listing(asked, OF_SWEEP_ROWS, conditions=in_state(asked.parameters.state))
+    listing = await read_list(inside, asked, OF_SWEEP_ROWS, conditions=in_state(asked.parameters.state))
     return await listed(request, inside, listing, _listed(inside))
 
 
@@ -204,7 +204,7 @@ async def list_sweep_jobs(
 ) -> Response:
     """List the jobs that compute the points of a sweep, newest first or as asked."""
     record = await run_in_threadpool(inside.sweeps.get, sweep_id)
-    listing = read_listing(asked, chunks_of(record.id))
+    listing = await read_list(inside, asked, chunks_of(record.id))
     find = partial(inside.jobs.find_of_sweep, record.id)
     rows = ListedRows(ChunkJobPageOut, find, lambda page: list(map(_chunk, page.jobs)))
     return await listed(request, inside, listing, rows)

@@ -44,7 +44,7 @@ _FOREIGN = "the answer was to another request"
 
 
 class Leaving(Protocol):
-    """What belongs to one process."""
+    """An owner of something that belongs to one process."""
 
     def leave(self) -> None:
         """Give up, in a process that was just forked, what is the other's."""

@@ -24,6 +24,8 @@ Power = tuple[Fraction, int]
 ONE: Power = (Fraction(0), 0)
 
 
+_EXPANDED = (3, 4)
+"""Powers of sums with exact numbers that are multiplied out, as squares are."""
 MOST_TERMS = 12
 """Largest number of terms of a product of two sums; of longer ones the lowest powers alone are multiplied."""
 
@@ -115,6 +117,9 @@ class PowerAlgebra(Generic[T]):
 
     def divide(self, left: PowerSum[T], right: PowerSum[T]) -> PowerSum[T]:
         """Return left / right."""
+        exact = _exact_quotient(left, right)
+        if exact is not None:
+            return exact
         power, factor = self._lowest(right)
         inverse = (-power[0], power[1])
         return PowerSum({_product(each, inverse): self._over(x, factor) for each, x in left.terms.items()})
@@ -123,11 +128,13 @@ class PowerAlgebra(Generic[T]):
         """Return base^exponent."""
         if exponent == 2:
             return self.multiply(base, base)
+        if len(base.terms) > 1 and exponent in _EXPANDED and all(map(_is_exact, base.terms.values())):
+            return self.multiply(self.power(base, exponent - 1), base)
         (e, odd), factor = self._lowest(base)
         if odd and exponent.denominator != 1:
             return self.of(self._base.power(self.value(base), exponent))
         power = e * exponent, odd * exponent.numerator % 2
-        if isinstance(factor, Fraction) and factor and exponent.denominator == 1:
+        if isinstance(factor, Fraction) and factor and (factor == 1 or exponent.denominator == 1):
             return PowerSum({power: factor**exponent.numerator})
         return PowerSum({power: self._base.power(self._plain(factor), exponent)})
 
@@ -214,6 +221,25 @@ class PowerAlgebra(Generic[T]):
 
 def _is_exact(factor: object) -> bool:
     return isinstance(factor, Fraction)
+
+
+def _exact_quotient(left: PowerSum[T], right: PowerSum[T]) -> PowerSum[T] | None:
+    """Return the quotient of two sums with exact numbers if it is such a sum, by long division; else None."""
+    divisor = {power: factor for power, factor in right.terms.items() if isinstance(factor, Fraction)}
+    rest = {power: factor for power, factor in left.terms.items() if isinstance(factor, Fraction)}
+    if len(divisor) < max(2, len(right.terms)) or len(rest) < max(2, len(left.terms)):
+        return None
+    lowest, found = min(divisor), dict[Power, T | Fraction]()
+    inverse = (-lowest[0], lowest[1])
+    while rest and len(found) < MOST_TERMS:
+        power = _product(min(rest), inverse)
+        found[power] = factor = rest[min(rest)] / divisor[lowest]
+        for other, each in divisor.items():
+            place = _product(power, other)
+            rest[place] = rest.get(place, Fraction(0)) - factor * each
+            if not rest[place]:
+                del rest[place]
+    return None if rest else PowerSum(found)
 
 
 def _product(left: Power, right: Power) -> Power:

@@ -1,6 +1,7 @@
 """The general family: builds V = V1[F] + Q G(g2) from a client's formulas for F and G."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from fractions import Fraction
 
 from flint import arb, ctx
@@ -9,6 +10,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.printer import exact_tree, format_tree
+from service.dynamics.formula.rewriting import known_at_poles
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.tree import Binary, Symbol, Tree
 from service.dynamics.potentials.angular_part.curve_function import CurveFunction
@@ -96,6 +98,7 @@ def _piece(body: RigidBody, F: Tree, G: Tree, angle: Tape) -> Piece:
         for moment, name in ((body.A, "g1"), (body.C, "g3"))
     ]
     even = Potential.from_tree(Binary("*", Binary("+", moments[0], moments[1]), G), FAMILY)
+    even = replace(even, tape=known_at_poles(even.tape))
     function = CurveFunction(compile_tape(F, ("w",)))
     return Piece(AngularField(RigidBody(body.A, None, body.C), function, angle), even, F, G)
 

@@ -13,7 +13,7 @@ from fractions import Fraction
 from typing import Literal, get_args
 
 import numpy as np
-from flint import arb
+from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.formula.printer import format_tree
@@ -38,6 +38,9 @@ Quadrant = Literal["pp", "mp", "pm", "mm"]
 """The signs of g1 and g3, plus or minus."""
 QUADRANTS: tuple[Quadrant, ...] = get_args(Quadrant)
 SIGNS: dict[Quadrant, tuple[int, int]] = {"pp": (1, 1), "mp": (-1, 1), "pm": (1, -1), "mm": (-1, -1)}
+INTEGRAL_BITS = (160, 640)
+"""Bits to which V1 is computed, in turn, where the caller has more: 1 − g2 in G loses 1400 bits next to a
+pole, V1 none, and an integral to 2560 bits takes a minute."""
 MIN_KNOWN_BITS = 64
 """Bits of D below which a value along a curve is that of the integral."""
 
@@ -172,8 +175,13 @@ class GeneralPotential(Potential):
         value, D = piece.even.value_and_D_ball(g1, g2, g3)
         if not (value.is_finite() and D.is_finite()):
             return value, D
-        jet = piece.angular.ball(g1, g3, 0)
-        return jet.value + value, jet.D + D
+        for bits in INTEGRAL_BITS if ctx.prec > INTEGRAL_BITS[-1] else (ctx.prec,):
+            with ctx.workprec(bits):
+                jet = piece.angular.ball(g1, g3, 0)
+            total = jet.D + D
+            if total.rel_accuracy_bits() >= MIN_KNOWN_BITS or jet.D.rad() <= D.rad():
+                break
+        return jet.value + value, total
 
     def jet_ball(self, g1: arb, g2: arb, g3: arb) -> BallJet:
         """See Potential.jet_ball."""

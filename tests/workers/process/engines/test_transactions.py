@@ -100,7 +100,7 @@ def test_a_fenced_zombie_changes_no_row(installation, jobs):
     before = contents(installation)
     assert not finish_success(jobs, zombie, {"method": "quadrature"}, dense=b"", samples=b"")
     assert not jobs.finish_failure(zombie, {"code": "x"})
-    assert not jobs.heartbeat(zombie, lease_seconds=60)
+    assert not jobs.heartbeat([zombie], lease_seconds=60)
     assert not jobs.lose(zombie, "x", max_attempts=3, retry_seconds=0.0)
     assert not jobs.give_back(zombie)
     assert jobs.held([zombie]) == frozenset()

@@ -1,0 +1,194 @@
+"""Batches as bytes, for children elsewhere: a JSON document, and the bytes that it refers to by position.
+
+Nothing here is pickled. What comes back is parsed: a peer can send wrong numbers, but no code.
+"""
+
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from concurrent.futures import CancelledError
+from dataclasses import fields
+from typing import BinaryIO
+
+from service.jobs.kernels import NeedsKernelsError
+from service.jobs.records import (
+    AtlasResult,
+    ChunkOutcome,
+    JobKind,
+    Outcome,
+    Refused,
+    Solved,
+    StoredSolution,
+)
+from service.sandbox import SandboxBrokenError, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from workers.process.pool import Call, ReturnedError
+
+Message = tuple[dict[str, object], list[bytes]]
+"""A document, and the bytes that belong to it."""
+
+_LENGTH = struct.Struct(">Q")
+_RECORDS = {
+    record.__name__: record for record in (AtlasResult, ChunkOutcome, Refused, Solved, StoredSolution)
+}
+_OUTCOMES: Mapping[JobKind, tuple[type, ...]] = {
+    JobKind.SOLVE: (Solved, Refused),
+    JobKind.CHUNK: (ChunkOutcome,),
+    JobKind.ATLAS: (AtlasResult, Refused),
+}
+_FAULTS = {
+    fault.__name__: fault
+    for fault in (
+        ReturnedError, SandboxBrokenError, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+    )
+}  # fmt: skip
+
+
+class MessageError(ValueError):
+    """What came is not what this version sends."""
+
+
+class RemoteFaultError(Exception):
+    """A computation raised elsewhere; the message has the class and the text of the fault."""
+
+
+def faults_text(fault: BaseException) -> str:
+    """Return the class and the text of a fault, wherever it was raised."""
+    return str(fault) if isinstance(fault, RemoteFaultError) else f"{type(fault).__name__}: {fault}"
+
+
+def pack(document: Mapping[str, object], blobs: Sequence[bytes] = ()) -> bytes:
+    """Return a message as bytes."""
+    head = json.dumps([document, [len(blob) for blob in blobs]]).encode()
+    return b"".join([_LENGTH.pack(len(head)), head, *blobs])
+
+
+def unpack(data: bytes) -> Message:
+    """Read what :func:`pack` has made.
+
+    Raises
+    ------
+    MessageError
+        It is something else.
+    """
+    try:
+        (length,) = _LENGTH.unpack_from(data)
+        start = _LENGTH.size + length
+        document, sizes = json.loads(data[_LENGTH.size : start])
+        blobs = []
+        for size in sizes:
+            blobs.append(data[start : start + size])
+            start += size
+        if start != len(data) or not isinstance(document, dict):
+            raise MessageError("a message has another length than it says, or is no object")
+    except (struct.error, ValueError, TypeError) as fault:
+        raise MessageError(f"not a message: {fault}") from fault
+    return document, blobs
+
+
+def write(stream: BinaryIO, data: bytes) -> None:
+    """Write a message into a pipe."""
+    stream.write(_LENGTH.pack(len(data)) + data)
+    stream.flush()
+
+
+def read(stream: BinaryIO) -> bytes | None:
+    """Read a message from a pipe; None if the other end is closed."""
+    head = stream.read(_LENGTH.size)
+    if len(head) < _LENGTH.size:
+        return None
+    data = stream.read(_LENGTH.unpack(head)[0])
+    return data if len(data) == _LENGTH.unpack(head)[0] else None
+
+
+def pack_calls(document: Mapping[str, object], kind: JobKind, calls: Sequence[Call]) -> bytes:
+    """Return the calls of a batch; ``document`` says more of it."""
+    blobs: list[bytes] = []
+    written = [[told, [_written(each, blobs) for each in arguments]] for told, arguments in calls]
+    return pack({**document, "kind": kind.value, "calls": written}, blobs)
+
+
+def calls_in(message: Message) -> tuple[JobKind, list[Call]]:
+    """Return the kind and the calls of a batch."""
+    document, blobs = message
+    calls = document["calls"]
+    assert isinstance(calls, list)
+    found: list[Call] = [(told, [_read(each, blobs) for each in arguments]) for told, arguments in calls]
+    return JobKind(str(document["kind"])), found
+
+
+def pack_outcomes(document: Mapping[str, object], outcomes: Sequence[Outcome | None]) -> bytes:
+    """Return the outcomes of a batch."""
+    blobs: list[bytes] = []
+    return pack({**document, "outcomes": [_written(each, blobs) for each in outcomes]}, blobs)
+
+
+def pack_fault(document: Mapping[str, object], fault: BaseException) -> bytes:
+    """Return why a batch has no outcomes."""
+    is_known = isinstance(fault, tuple(_FAULTS.values()))
+    text = str(fault) if is_known else faults_text(fault)
+    told: dict[str, object] = {"class": type(fault).__name__, "text": text}
+    if isinstance(fault, NeedsKernelsError):
+        told["refusal"] = fault.refusal
+    if isinstance(fault, CancelledError):
+        told = {"class": ReturnedError.__name__, "text": "the batch was stopped"}
+    return pack({**document, "fault": told})
+
+
+def outcomes_in(message: Message, kind: JobKind, number: int) -> list[Outcome | None]:
+    """Return the outcomes of a batch of so many calls of a kind.
+
+    Raises
+    ------
+    MessageError
+        It has none of that kind, or too many.
+    Exception
+        The fault that it tells.
+    """
+    document, blobs = message
+    if isinstance(fault := document.get("fault"), dict):
+        raise _fault(fault)
+    found = document.get("outcomes")
+    if not isinstance(found, list) or not 0 < len(found) <= number:
+        raise MessageError("the outcomes of a batch are not as many as its calls, or fewer")
+    try:
+        outcomes = [_read(each, blobs) for each in found]
+    except (KeyError, IndexError, TypeError, ValueError) as wrong:
+        raise MessageError(f"not an outcome: {wrong!r}") from wrong
+    if not all(isinstance(each, _OUTCOMES[kind]) for each in outcomes if each is not None):
+        raise MessageError(f"an outcome is not that of a {kind.value}")
+    if number == 1 and outcomes == [None]:
+        raise MessageError("a single call has neither an outcome nor a fault")
+    return outcomes  # type: ignore[return-value]  # by the classes
+
+
+def _fault(told: Mapping[str, object]) -> Exception:
+    name, text = str(told.get("class")), str(told.get("text"))
+    if name == NeedsKernelsError.__name__:
+        refusal = told.get("refusal")
+        return NeedsKernelsError(refusal if isinstance(refusal, dict) else None)
+    return _FAULTS[name](text) if name in _FAULTS else RemoteFaultError(text)
+
+
+def _written(value: object, blobs: list[bytes]) -> object:
+    """Return text, None or a record as JSON; bytes of a record go to the blobs."""
+    if type(value).__name__ not in _RECORDS:
+        return value
+    bare: dict[str, object] = {}
+    places: dict[str, int] = {}
+    for each in fields(_RECORDS[type(value).__name__]):
+        part = getattr(value, each.name)
+        if isinstance(part, bytes):
+            places[each.name] = len(blobs)
+            blobs.append(part)
+        else:
+            bare[each.name] = part
+    return {"record": type(value).__name__, "fields": bare, "bytes": places}
+
+
+def _read(written: object, blobs: Sequence[bytes]) -> object:
+    if not isinstance(written, dict):
+        return written
+    parts = {**written["fields"], **{name: blobs[place] for name, place in written["bytes"].items()}}
+    if written["record"] == ChunkOutcome.__name__:
+        parts["bounds"] = {name: (low, high) for name, (low, high) in parts["bounds"].items()}
+    return _RECORDS[written["record"]](**parts)
