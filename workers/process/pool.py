@@ -46,7 +46,7 @@ class PoolBatch(Protocol):
 
     @property
     def begun(self) -> int:
-        """Number of calls begun, the last of them perhaps not done. One alone has begun once it is taken."""
+        """Number of calls begun, the last of them perhaps not done. One alone counts as begun."""
         ...
 
     @property
@@ -249,7 +249,7 @@ class ChildBatch:
     @property
     def begun(self) -> int:
         """Number of calls begun."""
-        return int(self.is_taken) if self._ledger is None else self._ledger.begun()
+        return 1 if self._ledger is None else self._ledger.begun()
 
     @property
     def has_ended(self) -> bool:
