@@ -21,7 +21,7 @@ class ClusterState:
     scheduler: str
     is_connected: bool
     workers: int
-    """Those that are ready."""
+    """Number of workers that are ready."""
     threads: int
     """Batches that they compute at the same time."""
     left_out: tuple[LeftOut, ...]

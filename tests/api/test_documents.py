@@ -77,7 +77,7 @@ def test_the_examples_of_bodies_are_accepted(app):
             reader(example["value"])
 
 
-ABSENT = {"ReadinessOut": {"compiling"}}
+ABSENT = {"ReadinessOut": {"compiling", "cluster"}}
 """Fields that are absent where there is nothing to tell."""
 
 

@@ -44,7 +44,7 @@ _FAULTS = {
 
 
 class MessageError(ValueError):
-    """What came is not what this version sends."""
+    """A message came that this version does not send."""
 
 
 class RemoteFaultError(Exception):

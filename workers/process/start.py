@@ -348,7 +348,7 @@ def run_worker(tasks: WorkerTasks, settings: Settings, *, slots: int, wake_fd: i
 
 
 class Readiness(Protocol):
-    """What a worker asks before it takes jobs."""
+    """The questions of a worker before it takes jobs."""
 
     def go_on(self) -> None:
         """Allow all preparations."""

@@ -158,4 +158,4 @@ COMPUTATIONS: "Computations" = {
     JobKind.ATLAS: draw_atlas,
 }
 TASKS = WorkerTasks(COMPUTATIONS, "workers.process.tasks:TASKS", PRELOAD, WARM_UP)
-"""What a worker computes in earnest."""
+"""The computations of a worker."""

@@ -35,7 +35,7 @@ class Derived(NamedTuple):
     instructions: tuple[Instruction, ...]
     """Their numbers are in ``numbers``."""
     numbers: tuple[Exact | None, ...]
-    """Of each instruction the constant or the exponent."""
+    """The constant or the exponent of each instruction."""
     results: tuple[int, ...]
 
     def tapes(self, numbers: Sequence[Fraction | None]) -> tuple[Tape, ...]:

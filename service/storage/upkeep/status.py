@@ -62,7 +62,7 @@ class WorkerStatus:
     kernels: str | None
     """How far they are compiled; None if there is nothing to compile."""
     cluster: ClusterState | None
-    """That on which it computes; None if it has children."""
+    """The cluster on which it computes; None if it has children."""
     running: tuple[RunningJob, ...]
 
 

@@ -86,7 +86,7 @@ def assert_alike(found, expected):
 
 @pytest.mark.parametrize("text", ["3*g1^5 - g3^(7/2)/7", "pi*g1 - 2^g2*g3^2"])
 def test_one_program_does_for_all_numbers(text):
-    """Of a tape that has its numbers as further variables, and of one with other numbers."""
+    """A tape that has its numbers as further variables has the derivatives of one with other numbers."""
     tape = compile_tape(parse(text))
     program = derived.derived(tape, derived.gradient)
     other = compile_tape(parse(text.replace("3*", "11*").replace("^5", "^2").replace("7", "5")))

@@ -91,7 +91,7 @@ def test_a_file_replaced_within_a_transaction_makes_it_fail(sqlite_url, file, tm
 
     def write_while_it_is_replaced():
         with database.write() as session:
-            session.execute(text("INSERT INTO workers VALUES ('w', 'h', 'local', 1, 0, 0, true, null)"))
+            session.execute(text("INSERT INTO workers VALUES ('w', 'h', 'local', 1, 0, 0, true, null, null)"))
             (tmp_path / "copy").replace(file)
 
     with pytest.raises(exc.OperationalError, match="replaced") as lost:
@@ -155,7 +155,7 @@ def test_databases_and_backups_are_their_owners_alone_from_the_first_byte(tmp_pa
         migrate(url_of(tmp_path / "new.db"))
         database = Database(url_of(tmp_path / "new.db"))
         with database.write() as session:
-            session.execute(text("INSERT INTO workers VALUES ('w', 'h', 'local', 1, 0, 0, true, null)"))
+            session.execute(text("INSERT INTO workers VALUES ('w', 'h', 'local', 1, 0, 0, true, null, null)"))
         back_up(url_of(tmp_path / "new.db"), tmp_path / "backup")
         restore(url_of(tmp_path / "restored.db"), tmp_path / "backup")
         modes = {path.name: mode_of(path) for path in tmp_path.iterdir()}

@@ -247,7 +247,9 @@ def test_a_database_that_others_hold_is_not_waited_for_for_ever(sqlite_url, tmp_
     monkeypatch.setattr("service.storage.upkeep.backup.BUSY_SECONDS", 0.1)
     holder = make_engine(sqlite_url)
     with holder.connect() as connection:
-        connection.exec_driver_sql("INSERT INTO workers VALUES ('w', 'h', 'local', 1, 0, 0, true, null)")
+        connection.exec_driver_sql(
+            "INSERT INTO workers VALUES ('w', 'h', 'local', 1, 0, 0, true, null, null)"
+        )
         with pytest.raises(BackupError, match=r"use it|locked"):
             restore(sqlite_url, tmp_path / "b")
     holder.dispose()

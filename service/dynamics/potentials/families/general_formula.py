@@ -55,7 +55,7 @@ from service.dynamics.potentials.terms.powers import (
 QUARTER = parse("pi/4")
 """The reference angle at which powers of the cosine and the sine are the same."""
 MOST_TERMS = 8
-"""Of longer ones the terms cancel next to a pole."""
+"""Largest number of terms: those of longer sums cancel next to a pole."""
 ZERO, HALF = Fraction(0), Fraction(1, 2)
 
 

@@ -127,7 +127,7 @@ def known_period() -> Fraction:
 
 
 def test_an_integral_beside_a_formula_that_cancels_at_the_poles():
-    """Of 1 − g2² in G doubles know nothing next to a pole, and balls need 1400 bits more than V1 does."""
+    """Doubles know nothing of 1 − g2² in G next to a pole, and balls need 1400 bits more than V1 does."""
     F, G = "-sqrt(w)/2*(1+w)/(2+w)", CANCELS
     problem = {
         "body": {"A": 2, "C": 1},

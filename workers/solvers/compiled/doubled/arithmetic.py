@@ -11,7 +11,7 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.evaluation.interpreter import Arithmetic, interpreter
+from workers.solvers.compiled.evaluation.interpreter import CompiledArithmetic, interpreter
 from workers.solvers.compiled.evaluation.program import ABS, EXP, LOG, SIGN, SIN, TAN
 from workers.solvers.compiled.kernels import fused, inlined, kernel
 
@@ -226,7 +226,7 @@ def _negate(a: Twice) -> Twice:
 
 
 run_doubled = interpreter(
-    Arithmetic(_get, _put, _number, add, subtract, multiply, divide, _negate, power, call),
+    CompiledArithmetic(_get, _put, _number, add, subtract, multiply, divide, _negate, power, call),
     __name__,
     "run_doubled",
 )

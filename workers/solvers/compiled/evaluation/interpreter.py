@@ -42,7 +42,7 @@ number of points. Registers have the shape (parts of a number, 4 + instructions,
 g1, g2 and g3 are there, and the last is scratch."""
 
 
-class Arithmetic(NamedTuple, Generic[T]):
+class CompiledArithmetic(NamedTuple, Generic[T]):
     """Kernels that compute with numbers of a kind; what is undefined is the kind's NaN."""
 
     get: Callable[[FloatArray, int, int], T]
@@ -63,7 +63,7 @@ class Arithmetic(NamedTuple, Generic[T]):
     """Whether 1/x^n is (1/x)^n, which is narrower where x is a disc, and rounded more often."""
 
 
-def interpreter(arithmetic: Arithmetic[T], module: str, name: str) -> Run:
+def interpreter(arithmetic: CompiledArithmetic[T], module: str, name: str) -> Run:
     """Return the loop over a program's operations in an arithmetic, which gets this name in a module."""
     get, put, number, add, subtract, multiply, divide, negate, power, call, inverts_first = arithmetic
 
@@ -214,7 +214,7 @@ def _negate(x: float) -> float:
 
 
 run_double = interpreter(
-    Arithmetic(_get, _put, _number, _add, _subtract, _multiply, _divide, _negate, power, call),
+    CompiledArithmetic(_get, _put, _number, _add, _subtract, _multiply, _divide, _negate, power, call),
     __name__,
     "run_double",
 )
@@ -298,7 +298,7 @@ def _call_bounded(operation: int, x: Bounded) -> Bounded:
 
 
 run_bounded = interpreter(
-    Arithmetic(
+    CompiledArithmetic(
         _get_bounded,
         _put_bounded,
         _number_bounded,

@@ -41,7 +41,7 @@ class Program(NamedTuple):
     turn: Instructions
     """The instructions of D = g1 V_3 − g3 V_1, with the same constants."""
     gradient: Instructions
-    """Those of V, V_1, V_2 and V_3."""
+    """The instructions of V and of its derivatives V_1, V_2 and V_3, with the same constants."""
 
     @property
     def key(self) -> bytes:

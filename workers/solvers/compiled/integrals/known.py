@@ -20,7 +20,7 @@ from workers.solvers.compiled.doubled.arithmetic import (
     root,
     sine_and_cosine,
 )
-from workers.solvers.compiled.evaluation.interpreter import Arithmetic, interpreter
+from workers.solvers.compiled.evaluation.interpreter import CompiledArithmetic, interpreter
 from workers.solvers.compiled.evaluation.program import ABS, COS, EXP, LOG, SIGN, SIN
 from workers.solvers.compiled.kernels import kernel
 
@@ -161,7 +161,7 @@ def _opposite(x: Known) -> Known:
 
 
 run_known = interpreter(
-    Arithmetic(_get, _put, _number, plus, minus, times, over, _opposite, power, function),
+    CompiledArithmetic(_get, _put, _number, plus, minus, times, over, _opposite, power, function),
     __name__,
     "run_known",
 )

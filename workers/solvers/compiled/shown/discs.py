@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.evaluation.interpreter import Arithmetic, interpreter, power
+from workers.solvers.compiled.evaluation.interpreter import CompiledArithmetic, interpreter, power
 from workers.solvers.compiled.evaluation.program import ABS, COS, EXP, LOG, SIGN, SIN
 from workers.solvers.compiled.kernels import kernel
 
@@ -149,7 +149,9 @@ def _number(constants: FloatArray, _lows: FloatArray, slot: int, more: int) -> D
 
 
 run_discs = interpreter(
-    Arithmetic(_get, _put, _number, plus, minus, times, over, opposite, raised, function, inverts_first=True),
+    CompiledArithmetic(
+        _get, _put, _number, plus, minus, times, over, opposite, raised, function, inverts_first=True
+    ),
     __name__,
     "run_discs",
 )

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from workers.solvers.compiled.evaluation.interpreter import run_double
 from workers.solvers.compiled.kernels import kernel
-from workers.solvers.compiled.lanes import LANES, place_of, put, spread, take
+from workers.solvers.compiled.lanes import LANES, Lanes, place_of, put, spread, take
 from workers.solvers.compiled.records import Equations
 from workers.solvers.compiled.shown.discs import ARITHMETIC, Disc, exactly, minus, plus, run_discs, times
 
@@ -51,7 +51,8 @@ def evaluate(
         put(found, 3 * ROWS + m, r * g2 - q * g3)
         put(found, 4 * ROWS + m, p * g3 - r * g1)
         put(found, 5 * ROWS + m, q * g1 - p * g2)
-        put(sums, m, spread(0.5) * (A * p * p + B * q * q + C * r * r) + take(v, V + m))
+        doubled: Lanes = A * p * p + B * q * q + C * r * r
+        put(sums, m, spread(0.5) * doubled + take(v, V + m))
         put(sums, ROWS + m, A * p * g1 + B * q * g2 + C * r * g3)
         put(sums, 2 * ROWS + m, g1 * g1 + g2 * g2 + g3 * g3)
 
