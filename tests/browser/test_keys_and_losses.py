@@ -11,6 +11,7 @@ from urllib.parse import quote
 import pytest
 from playwright.sync_api import expect
 
+from service.storage.jobs.moves import BEGUN
 from tests.support.browser import Site, Watched, problem, settle
 from tests.support.serving import serving
 from tests.support.waiting import wait_until
@@ -125,6 +126,11 @@ def running_attempt(service):
     return job["attempt"] if job["state"] == "running" else 0
 
 
+def last_attempt(service):
+    (job,) = service.call("GET", "/v1/jobs").document["items"]
+    return service.call("GET", f"/v1/jobs/{job['id']}/attempts").document["items"][-1]
+
+
 def test_the_page_waits_where_too_much_is_read_and_says_so(tab):
     refusals = [
         {"type": "urn:polhode:problem:busy", "title": "Too much is being read", "detail": "try again later"}
@@ -162,6 +168,9 @@ def test_the_outcome_is_told_when_a_worker_is_killed(context, chromium_path, tmp
         # The first worker may have died for any reason, the second one had nothing else to compute.
         for attempt in (1, 2):
             wait_until(lambda number=attempt: running_attempt(service) == number)
+            if attempt > 1:
+                # It is computed alone, and its worker says that a child has begun.
+                wait_until(lambda: last_attempt(service)["detail"] == BEGUN)
             status = service.call("GET", "/v1/status").document
             (worker,) = [one for one in status["workers"] if one["running"]]
             # The names of workers are made of host, process and chance.

@@ -225,11 +225,17 @@ def test_migrate_makes_the_database_and_may_be_repeated(polhode, tmp_path):
     assert (tmp_path / "test.db").exists()
 
 
-@pytest.mark.parametrize("url", ["sqlite:////missing/folder/x.db", "nonsense"])
-def test_a_database_that_cannot_be_had_is_a_failure_with_a_reason(polhode, url):
+@pytest.mark.parametrize(
+    ("url", "code", "reason"),
+    [
+        ("sqlite:////missing/folder/x.db", 1, "cannot migrate the database: "),
+        ("nonsense", 2, "database_url: "),
+    ],
+)
+def test_a_database_that_cannot_be_had_is_a_failure_with_a_reason(polhode, url, code, reason):
     result = polhode("migrate", "--database-url", url)
-    assert result.returncode == 1
-    assert result.stderr.startswith("cannot migrate the database: ")
+    assert result.returncode == code
+    assert result.stderr.startswith(reason)
     assert len(result.stderr.splitlines()) == 1
 
 

@@ -167,8 +167,8 @@ def test_certified_periods_are_those_of_a_quadrature_by_hand(name):
 
 
 LOOSE = 1e-7
-"""The tolerance of x log x at A/C = 3/2, where r is like |t|^(1/2) and nothing encloses it: the rounding of t, 2e-16, moves
-it by 1.5e-8, and four times what is seen is claimed."""
+"""The tolerance of x log x at A/C = 3/2, where r is like |t|^(1/2), which nothing encloses: rounding t by
+2e-16 moves it by 1.5e-8, and four times what is seen is claimed."""
 
 
 @pytest.mark.parametrize(
