@@ -10,6 +10,7 @@ import pytest
 import polhode as ph
 from polhode import lists
 from polhode.lists import submitted
+from tests.support.effort import examples
 
 
 @pytest.fixture
@@ -200,14 +201,16 @@ def test_a_bar_follows_a_list_and_an_event_loop_has_it_too(service, base):
     assert asyncio.run(solve()) == (ids, ids)
 
 
-@pytest.mark.long  # 20 000 problems are solved
-def test_twenty_thousand_problems_with_one_that_is_refused(connected, base):
-    problems = [ph.problem(base, lam=f"{60_000 + k}/50021") for k in range(20_000)]
-    problems[12_345] = problems[12_345] | {"body": {"A": -1, "C": 1}}
+@pytest.mark.long
+def test_thousands_of_problems_with_one_that_is_refused(connected, base):
+    count = examples(800, 20_000)
+    bad = count - 789
+    problems = [ph.problem(base, lam=f"{60_000 + k}/50021") for k in range(count)]
+    problems[bad] = problems[bad] | {"body": {"A": -1, "C": 1}}
     listed = connected.submit_all(problems)
-    assert sorted(listed.errors) == [12_345]
+    assert sorted(listed.errors) == [bad]
     with pytest.raises(ph.SomeFailedError) as some:
         listed.wait()
-    assert (sorted(some.value.errors), len(some.value.motions)) == ([12_345], 19_999)
-    some_place = some.value.motions[19_999]
-    assert some_place.problem["motion"] == problems[19_999]["motion"]
+    assert (sorted(some.value.errors), len(some.value.motions)) == ([bad], count - 1)
+    some_place = some.value.motions[count - 1]
+    assert some_place.problem["motion"] == problems[-1]["motion"]

@@ -21,6 +21,7 @@ from service.storage.inspection.inspect import inspect
 from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.dask_cluster import Cluster, kill_group
+from tests.support.effort import examples
 from tests.workers.process.together import LIMITS
 from tests.workers.processes import ROOT, Worker, wait_until
 from workers.process.cluster import DaskPool
@@ -238,7 +239,7 @@ def test_a_cluster_computes_the_bits_of_children_here(tmp_path):
     assert (points_there.data, points_there.bounds) == (points.data, points.bounds)
 
 
-STORMS = 60
+STORMS = examples(10, 60)
 """Kills of one storm."""
 
 
