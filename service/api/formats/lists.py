@@ -23,7 +23,7 @@ from service.api.formats.negotiation import (
     preferred,
 )
 from service.api.queries.lists import MOST_ITEMS, Listing, link_to
-from service.api.queries.queries import FormatName, refuse_if_any
+from service.api.queries.queries import ListFormatName, refuse_if_any
 from service.api.replies.responses import PiecedAnswer, json_content, json_response, refusals
 from service.csv_text import CRLF, csv_blocks
 from service.schemas.query.conditions import Kind, ListQuery, Subject, Value
@@ -96,7 +96,7 @@ class ListedRows(Generic[Found]):
         query = listing.query
         if query.limit > MOST_ITEMS:
             message = f"'{query.limit}' is not accepted; accepted is an integer from 1 to {MOST_ITEMS}"
-            refuse_if_any([Fault("?limit", "invalid_value", message)])
+            refuse_if_any([Fault("?limit", "out_of_range", message)])
         found = self.find(query)
         following = listing.next_page(request, found.next)
         document = {
@@ -140,7 +140,7 @@ class ListedRows(Generic[Found]):
             yield b"".join(line + b"\n" for line in lines)
 
 
-def media_type_of(name: FormatName | None, accept: str | None) -> str:
+def media_type_of(name: ListFormatName | None, accept: str | None) -> str:
     """Return the media type of a list that is asked for by name, or else by the Accept header."""
     return preferred(LISTED, accept if name is None else MEDIA_TYPES[name])
 

@@ -10,7 +10,7 @@ from fastapi import Request, Response
 from pydantic import Field
 
 from service.api.queries.cursors import InvalidCursorError, cursor_of, place_of
-from service.api.queries.queries import FORMAT_HELP, Asked, FormatName, QueryModel, refuse_if_any
+from service.api.queries.queries import FORMAT_HELP, Asked, ListFormatName, QueryModel, refuse_if_any
 from service.api.replies.responses import json_response
 from service.jobs.records import JobState
 from service.schemas.query.conditions import ID, Condition, Kind, ListQuery, OrderKey, Subject, Value
@@ -73,7 +73,7 @@ class AskingQuery(QueryModel):
         f" {COUNTED_AT_ONCE:,} rows, it is null if this is left out.",
     )
     estimate: bool = Field(default=False, description=ESTIMATE)
-    format: FormatName | None = Field(default=None, description=FORMAT_HELP)
+    format: ListFormatName | None = Field(default=None, description=FORMAT_HELP)
 
 
 AnyAsking = TypeVar("AnyAsking", bound=AskingQuery)
@@ -91,7 +91,7 @@ class Listing:
 
     source: Source
     query: ListQuery
-    format: FormatName | None = None
+    format: ListFormatName | None = None
     most: int | None = None
     """Rows of a stream at most."""
 

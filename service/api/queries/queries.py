@@ -14,6 +14,7 @@ from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import read_exact
 
 FormatName = Literal["json", "ndjson", "csv", "npz", "arrow", "parquet"]
+ListFormatName = Literal["json", "ndjson", "csv", "arrow", "parquet"]
 FORMAT_HELP = "The format, whatever the Accept header says."
 
 

@@ -93,6 +93,7 @@ class SweepIn(WireModel):
     keep: Annotated[list[KeptName], Field(max_length=len(NUMBERS))] = Field(
         default_factory=lambda: list(DEFAULT_KEEP),
         description="Numbers to keep of each point; period, energy and error if left out.",
+        json_schema_extra={"uniqueItems": True},
     )
     series: bool = Field(default=False, description="Keep the samples of each point too.")
     priority: Priority = Field(

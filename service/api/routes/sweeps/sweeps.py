@@ -100,13 +100,13 @@ async def submit_sweep(
     point has a motion is known when the point is computed. With `estimate=true`
     nothing is queued: the answer tells what the sweep would cost.
     """
+    given = read_key(idempotency_key, request, content, holder)
     if query.estimate:
         document, sweep = await inside.reading.run(len(content), _checked, content, inside.settings)
         check_priority(holder, int(document.get("priority", 0)), "/priority")
         admit = partial(inside.limits.reserve_points, holder, sweep.points, is_estimate=True)
         await run_in_threadpool(admit)
         return json_response(await while_connected(request, estimate_sweep(inside, sweep, holder)))
-    given = read_key(idempotency_key, request, content, holder)
 
     async def work() -> Response:
         document, sweep = await inside.reading.run(len(content), _checked, content, inside.settings)
