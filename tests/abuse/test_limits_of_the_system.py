@@ -1,4 +1,4 @@
-"""What leaves a service no room is one plain line, and the least setting of memory leaves enough."""
+"""A system without room for a service is told in one plain line; the least setting of memory is enough."""
 
 import json
 import os

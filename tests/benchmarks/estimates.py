@@ -1,4 +1,4 @@
-"""What sweeps are expected to cost by ``POST /v1/sweeps?estimate=true``, beside what they cost."""
+"""The cost that sweeps are expected to have by ``POST /v1/sweeps?estimate=true``, beside what they cost."""
 
 import tempfile
 import time

@@ -6,14 +6,13 @@ far they are, once a second at least; one that is silent for a lease is given up
 refused by the claim. A scheduler has no memory: when the connection to it ends, all batches are given back.
 
 Whoever reaches the scheduler may send anything to a bridge, which holds the password of the database. Hence
-:func:`refuse_pickles`: results are bytes, and are parsed.
+:func:`~workers.process.messages.refuse_pickles`: results are bytes, and are parsed.
 """
 
 import asyncio
 import itertools
 import logging
 import re
-import sys
 import threading
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Mapping, Sequence
@@ -27,18 +26,16 @@ from distributed import Client, Future
 
 from service.jobs.cluster import ClusterState, LeftOut
 from service.jobs.kernels import Kernels
-from service.jobs.records import JobKind, Outcome
+from service.jobs.records import JobKind
 from service.sandbox import SandboxCrashError
 from workers.process.dask_worker import TOPIC, ChildrenPlugin, compute, equipment, stop_batch
-from workers.process.messages import MessageError, outcomes_in, pack_calls, unpack
+from workers.process.messages import RemoteBatch, pack_calls
 from workers.process.pool import Call, ReturnedError
 
 logger = logging.getLogger(__name__)
 
 AHEAD_SECONDS = 0.3
 """While batches are shorter, each place is given another one ahead: a message takes some milliseconds."""
-UNTAKEN_SECONDS = 5.0
-"""A batch that no child has begun by then is given back: something long is before it."""
 _LOOK_SECONDS = 0.25
 """How often the bridge looks whether the scheduler and the workers are there."""
 _SURVEY_SECONDS = 5.0
@@ -49,8 +46,6 @@ _HOST = re.compile(r"[a-z]+://([\w.-]+|\[[0-9a-f:]+\]):\d+")
 _LOST = "the connection to the scheduler was lost"
 _UNREADY = "it is not ready yet"
 _SILENT = "it says nothing: perhaps polhode[cluster] is not installed there"
-_HARMLESS = {("builtins", "bytes")}
-"""The only class that may be named by what comes from the cluster: that of a result."""
 
 
 def log_as_others() -> None:
@@ -63,111 +58,6 @@ def log_as_others() -> None:
     logging.getLogger("distributed").setLevel(logging.ERROR)
     for name in ("distributed.client", "distributed.batched"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
-
-
-def refuse_pickles() -> None:
-    """Have this process unpickle nothing but bytes, whichever way they come; this lasts until it ends."""
-
-    def look(event: str, arguments: tuple[object, ...]) -> None:
-        if event == "pickle.find_class" and arguments not in _HARMLESS:
-            raise MessageError(f"a bridge unpickles nothing, and this names {arguments[0]}.{arguments[1]}")
-
-    sys.addaudithook(look)
-
-
-class RemoteBatch:
-    """Calls that were sent to a worker of the cluster."""
-
-    def __init__(
-        self, key: str, kind: JobKind, number: int, stop: Callable[["RemoteBatch"], None],
-        release: Callable[["RemoteBatch"], None],
-    ) -> None:  # fmt: skip
-        self.key = key
-        self._kind, self._number = kind, number
-        self._ask_to_stop, self._release = stop, release
-        self._sent_at = time.monotonic()
-        self._began_at = self._ended_at = 0.0
-        self._begun, self._at_most = 0, number
-        self._is_asked = False
-        self._outcomes: list[Outcome | None] = []
-        self.fault: BaseException | None = None
-        """Why it has no outcomes."""
-
-    @property
-    def begun(self) -> int:
-        """Number of calls begun, as far as its worker has told."""
-        return self._begun
-
-    @property
-    def has_ended(self) -> bool:
-        """Nothing more comes of it."""
-        return self._ended_at > 0.0
-
-    @property
-    def began_at(self) -> float:
-        """When a child began it; now, if none is known to have."""
-        return self._began_at or time.monotonic()
-
-    @property
-    def ended_at(self) -> float:
-        """When it ended."""
-        return self._ended_at or time.monotonic()
-
-    @property
-    def is_taken(self) -> bool:
-        """A child is known to have begun it."""
-        return self._began_at > 0.0
-
-    @property
-    def is_stuck(self) -> bool:
-        """No child has begun it in time."""
-        waits = not self.has_ended and self._begun == 0
-        return waits and time.monotonic() > self._sent_at + UNTAKEN_SECONDS
-
-    def stop(self) -> int:
-        """Ask its worker; until that has replied, all of its calls may have begun."""
-        if not self._is_asked:
-            self._is_asked = True
-            self._ask_to_stop(self)
-        return self._at_most
-
-    def kill(self) -> None:
-        """Release the task: Dask forgets it, or its worker kills the computation."""
-        self.end(CancelledError())
-
-    def outcomes(self) -> list[Outcome | None]:
-        """Return the outcomes of the first calls."""
-        if self.fault is not None:
-            raise self.fault
-        return self._outcomes
-
-    def hear(self, begun: int | None, stopped: int | None) -> None:
-        """Note what its worker says of it."""
-        if begun:
-            self._began_at = self._began_at or time.monotonic()
-            self._begun = begun
-        if stopped is not None:
-            self._at_most = stopped
-
-    def reply(self, data: bytes) -> None:
-        """Note its outcomes, or why it has none."""
-        try:
-            message = unpack(data)
-            begun, seconds = message[0]["begun"], message[0]["seconds"]
-            if not isinstance(begun, int) or not isinstance(seconds, float):
-                raise MessageError("a reply does not say what was begun, or for how long")
-            self._begun, self._began_at = begun, time.monotonic() - seconds
-            self._outcomes = outcomes_in(message, self._kind, self._number)
-        except Exception as fault:
-            self.end(fault)
-        else:
-            self.end(None)
-
-    def end(self, fault: BaseException | None) -> None:
-        """Note that nothing more comes of it; a second end changes nothing."""
-        if not self.has_ended:
-            self.fault, self._ended_at = fault, time.monotonic()
-            self._release(self)
 
 
 @dataclass(slots=True)

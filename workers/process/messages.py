@@ -5,7 +5,9 @@ Nothing here is pickled. What comes back is parsed: a peer can send wrong number
 
 import json
 import struct
-from collections.abc import Mapping, Sequence
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import fields
 from typing import BinaryIO
@@ -26,6 +28,10 @@ from workers.process.pool import Call, ReturnedError
 Message = tuple[dict[str, object], list[bytes]]
 """A document, and the bytes that belong to it."""
 
+_HARMLESS = {("builtins", "bytes")}
+"""The only class that may be named by what comes from the cluster: that of a result."""
+UNTAKEN_SECONDS = 5.0
+"""A batch that no child has begun by then is given back: something long is before it."""
 _LENGTH = struct.Struct(">Q")
 _RECORDS = {
     record.__name__: record for record in (AtlasResult, ChunkOutcome, Refused, Solved, StoredSolution)
@@ -49,6 +55,16 @@ class MessageError(ValueError):
 
 class RemoteFaultError(Exception):
     """A computation raised elsewhere; the message has the class and the text of the fault."""
+
+
+def refuse_pickles() -> None:
+    """Have this process unpickle nothing but bytes, whichever way they come; this lasts until it ends."""
+
+    def look(event: str, arguments: tuple[object, ...]) -> None:
+        if event == "pickle.find_class" and arguments not in _HARMLESS:
+            raise MessageError(f"a bridge unpickles nothing, and this names {arguments[0]}.{arguments[1]}")
+
+    sys.addaudithook(look)
 
 
 def faults_text(fault: BaseException) -> str:
@@ -192,3 +208,98 @@ def _read(written: object, blobs: Sequence[bytes]) -> object:
     if written["record"] == ChunkOutcome.__name__:
         parts["bounds"] = {name: (low, high) for name, (low, high) in parts["bounds"].items()}
     return _RECORDS[written["record"]](**parts)
+
+
+class RemoteBatch:
+    """Calls that were sent to a worker of the cluster."""
+
+    def __init__(
+        self, key: str, kind: JobKind, number: int, stop: Callable[["RemoteBatch"], None],
+        release: Callable[["RemoteBatch"], None],
+    ) -> None:  # fmt: skip
+        self.key = key
+        self._kind, self._number = kind, number
+        self._ask_to_stop, self._release = stop, release
+        self._sent_at = time.monotonic()
+        self._began_at = self._ended_at = 0.0
+        self._begun, self._at_most = 0, number
+        self._is_asked = False
+        self._outcomes: list[Outcome | None] = []
+        self.fault: BaseException | None = None
+        """Why it has no outcomes."""
+
+    @property
+    def begun(self) -> int:
+        """Number of calls begun, as far as its worker has told."""
+        return self._begun
+
+    @property
+    def has_ended(self) -> bool:
+        """Nothing more comes of it."""
+        return self._ended_at > 0.0
+
+    @property
+    def began_at(self) -> float:
+        """When a child began it; now, if none is known to have."""
+        return self._began_at or time.monotonic()
+
+    @property
+    def ended_at(self) -> float:
+        """When it ended."""
+        return self._ended_at or time.monotonic()
+
+    @property
+    def is_taken(self) -> bool:
+        """A child is known to have begun it."""
+        return self._began_at > 0.0
+
+    @property
+    def is_stuck(self) -> bool:
+        """No child has begun it in time."""
+        waits = not self.has_ended and self._begun == 0
+        return waits and time.monotonic() > self._sent_at + UNTAKEN_SECONDS
+
+    def stop(self) -> int:
+        """Ask its worker; until that has replied, all of its calls may have begun."""
+        if not self._is_asked:
+            self._is_asked = True
+            self._ask_to_stop(self)
+        return self._at_most
+
+    def kill(self) -> None:
+        """Release the task: Dask forgets it, or its worker kills the computation."""
+        self.end(CancelledError())
+
+    def outcomes(self) -> list[Outcome | None]:
+        """Return the outcomes of the first calls."""
+        if self.fault is not None:
+            raise self.fault
+        return self._outcomes
+
+    def hear(self, begun: int | None, stopped: int | None) -> None:
+        """Note what its worker says of it."""
+        if begun:
+            self._began_at = self._began_at or time.monotonic()
+            self._begun = begun
+        if stopped is not None:
+            self._at_most = stopped
+
+    def reply(self, data: bytes) -> None:
+        """Note its outcomes, or why it has none."""
+        try:
+            message = unpack(data)
+            begun, seconds = message[0]["begun"], message[0]["seconds"]
+            if not isinstance(begun, int) or not isinstance(seconds, float):
+                raise MessageError("a reply does not say what was begun, or for how long")
+            self._begun, self._began_at = begun, time.monotonic() - seconds
+            self._outcomes = outcomes_in(message, self._kind, self._number)
+        except Exception as fault:
+            self.end(fault)
+        else:
+            self.end(None)
+
+    def end(self, fault: BaseException | None) -> None:
+        """Note that nothing more comes of it; a second end changes nothing."""
+        if not self.has_ended:
+            self.fault, self._ended_at = fault, time.monotonic()
+            self._release(self)

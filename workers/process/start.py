@@ -383,7 +383,8 @@ def _start_children(tasks: WorkerTasks, settings: Settings, slots: int, waker: W
 
 
 def _start_cluster(tasks: WorkerTasks, settings: Settings, _slots: int, waker: Waker) -> _Started:
-    from workers.process.cluster import DaskPool, log_as_others, refuse_pickles  # noqa: PLC0415  # most have no Dask
+    from workers.process.cluster import DaskPool, log_as_others  # noqa: PLC0415  # most have no Dask
+    from workers.process.messages import refuse_pickles  # noqa: PLC0415
 
     assert settings.dask_scheduler is not None
     log_as_others()

@@ -8,17 +8,13 @@ from itertools import islice, product
 from math import prod
 from typing import TYPE_CHECKING
 
-from flint import fmpq
-
 from service.dynamics.errors import DynamicsError
-from service.dynamics.formula.algebras.monomials import NotAMonomialSumError
-from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.problem import PlanarMotion, Problem
-from service.dynamics.verdict.proofs.power_sums import judge_power_sum
+from service.dynamics.verdict.proofs.power_sums import is_power_sum
 from service.dynamics.verdict.simple_form import is_simplified, simplified
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
-from service.schemas.sweep.sweep import Sweep, keeps_further
+from service.schemas.sweep.sweep import PLAIN_OUTPUTS, Sweep
 from workers.computation.outputs import takes_doubles
 from workers.solvers.choose import compiled_tier
 from workers.sweeping.parameters.coefficients import coefficients_of
@@ -37,9 +33,6 @@ if TYPE_CHECKING:
 
 CHECKED_CORNERS = 16
 """Points of a sweep whose formulas are looked at before blocks are planned."""
-_PLAIN_OUTPUTS = {"period", "gamma", "omega", "invariants"}
-_BY_DOUBLES = {"orientation", "stability"}
-"""Outputs that compiled doubles have for the tiers that are content with them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,10 +105,9 @@ def make_plan(sweep: Sweep) -> Plan:
 def _may_be_compiled(sweep: Sweep, problem: Problem, moments: Sequence[str] = ("B",)) -> bool:
     return (
         problem.method == "auto"
-        and _are_quick(sweep, problem)
+        and sweep.has_block_outputs(by_doubles=takes_doubles(problem))
         and compiled_tier(problem) is not None
         and isinstance(problem.motion, PlanarMotion)
-        and not (keeps_further(sweep.keep) and any(axis.varies == "moment" for axis in sweep.axes))
         and (problem.wants_series or "invariants" not in problem.outputs)
         and all(
             axis.varies in ("curve", "potential", "start")
@@ -123,17 +115,6 @@ def _may_be_compiled(sweep: Sweep, problem: Problem, moments: Sequence[str] = ("
             or (axis.varies == "time" and compiled_tier(problem) != "high")
             for axis in sweep.axes
         )
-    )
-
-
-def _are_quick(sweep: Sweep, problem: Problem) -> bool:
-    """Tell whether all outputs have compiled code: of the attitude the precession has, the columns do not."""
-    outputs = set(problem.outputs)
-    return outputs <= _PLAIN_OUTPUTS or (
-        outputs <= _PLAIN_OUTPUTS | _BY_DOUBLES
-        and takes_doubles(problem)
-        and not ("orientation" in outputs and sweep.series_columns)
-        and not ("stability" in outputs and problem.body.B is None)
     )
 
 
@@ -172,16 +153,6 @@ def _times(sweep: Sweep) -> dict[str, int]:
     return {axis.path[1]: index for index, axis in enumerate(sweep.axes) if axis.varies == "time"}
 
 
-def _is_judged_alone(problem: Problem) -> bool:
-    """Tell whether the potential of the first point is a sum of powers."""
-    A, C = (fmpq(m.numerator, m.denominator) for m in (problem.body.A, problem.body.C))
-    try:
-        judge_power_sum(A, C, problem.potential.tape)
-    except (NoClosedFormError, NotAMonomialSumError):
-        return False
-    return True
-
-
 def _is_solved_as_stated(sweep: Sweep) -> bool:
     """Tell whether no simpler formula is solved in place of that of a point, at the ends of the axes."""
     lengths = [each.axis.length for each in sweep.axes]
@@ -218,7 +189,7 @@ def plan_varying(sweep: Sweep) -> "VaryingPlan | None":
     keeps_integrals = any(name.startswith("invariants.") for name in sweep.keep)
     if (
         not _may_be_compiled(sweep, problem, tuple(moments))
-        or not set(problem.outputs) <= _PLAIN_OUTPUTS
+        or not set(problem.outputs) <= PLAIN_OUTPUTS
         or keeps_integrals
         or not set(moments) <= {"A", "B", "C"}
     ):
@@ -230,7 +201,7 @@ def plan_varying(sweep: Sweep) -> "VaryingPlan | None":
     axes = tuple(k for k, axis in enumerate(sweep.axes) if axis.varies == "potential")
     paths = tuple(sweep.axes[k].path[1:] for k in axes)
     model = model_of(potential, paths, frozenset(moments))
-    if model is None or not _is_solved_as_stated(sweep) or not _is_judged_alone(problem):
+    if model is None or not _is_solved_as_stated(sweep) or not is_power_sum(problem.body, problem.potential):
         return None
     curve, start = (
         next((k for k, axis in enumerate(sweep.axes) if axis.varies == kind), None)

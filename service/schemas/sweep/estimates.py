@@ -13,21 +13,17 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
-from flint import fmpq
-
 from service.dynamics.accuracy import AccuracyTable, Expected, Family, MotionKind, expected, family_of
 from service.dynamics.equations.orientation import PRECESSION, QUATERNION
 from service.dynamics.errors import DynamicsError
-from service.dynamics.formula.algebras.monomials import NotAMonomialSumError
 from service.dynamics.formula.parameters import coefficients_of
 from service.dynamics.formula.parser import parse
 from service.dynamics.motion import columns_of
-from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem, StateMotion, TimePeriods
-from service.dynamics.verdict.proofs.power_sums import judge_power_sum
+from service.dynamics.verdict.proofs.power_sums import is_power_sum
 from service.schemas.problem.budgets import kind_of, samples_of
 from service.schemas.reading.documents import Part
-from service.schemas.sweep.sweep import Sweep, keeps_further
+from service.schemas.sweep.sweep import Sweep
 
 SAMPLED = 5
 """Points of a sweep that are examined for its estimate."""
@@ -82,8 +78,6 @@ UNIT_BYTES = 3000
 
 Way = Literal["blocks", "bodies", "states", "alone"]
 """The ways of points: in blocks of one body, of many bodies or exponents, from any state, one by one."""
-_PLAIN: frozenset[str] = frozenset({"period", "gamma", "omega", "invariants"})
-_QUICK: frozenset[str] = frozenset({"orientation", "stability"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,7 +234,7 @@ def _plan(sweep: Sweep) -> _Plan:
     why = {"time": _TIMES, "start": _START, "sign": _SLICE}
     if is_linear:
         return _Plan("blocks", _slices(sweep, "sign"), has_verdicts=False, slow=_slow_axes(sweep, why))
-    if _is_power_sum(problem):
+    if is_power_sum(problem.body, problem.potential):
         why["body"] = _BODY
         return _Plan("bodies", _slices(sweep, "sign"), has_verdicts=True, slow=_slow_axes(sweep, why))
     outer = _slices(sweep, "sign", "body", "potential")
@@ -276,20 +270,12 @@ def _slices(sweep: Sweep, *kinds: str) -> int:
 
 def _is_quick(sweep: Sweep) -> bool:
     """Tell whether the method, the accuracy and the outputs are those of blocks."""
-    problem = sweep.first_problem
-    outputs, tier = set(problem.outputs), problem.accuracy.tier
-    has_columns = "orientation" in outputs and bool(sweep.series_columns)
-    has_moment = problem.body.B is not None or "stability" not in outputs
-    is_quick = outputs <= _PLAIN or (
-        outputs <= _PLAIN | _QUICK and tier in ("draft", "standard") and not has_columns and has_moment
-    )
-    moves_moment = any(axis.varies == "moment" for axis in sweep.axes)
+    problem, tier = sweep.first_problem, sweep.first_problem.accuracy.tier
     return (
         problem.method == "auto"
         and problem.accuracy.budget_seconds is None
         and tier != "certified"
-        and is_quick
-        and not (keeps_further(sweep.keep) and moves_moment)
+        and sweep.has_block_outputs(by_doubles=tier in ("draft", "standard"))
         and family_of(problem.body, problem.potential) != "integral"
     )
 
@@ -306,15 +292,6 @@ def _is_linear(sweep: Sweep) -> bool:
     with suppress(DynamicsError):
         return all(coefficients_of(parse(text), names) is not None for text in texts)
     return False
-
-
-def _is_power_sum(problem: Problem) -> bool:
-    A, C = (fmpq(each.numerator, each.denominator) for each in (problem.body.A, problem.body.C))
-    try:
-        judge_power_sum(A, C, problem.potential.tape)
-    except (NoClosedFormError, NotAMonomialSumError):
-        return False
-    return True
 
 
 def _point_seconds(

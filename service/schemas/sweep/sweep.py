@@ -39,6 +39,10 @@ planar motion depends; A or C; the times; window and signs, which have few value
 
 _OF_STATES = frozenset({"period", "gamma", "omega"})
 """Outputs that kernels have for motions from any state."""
+PLAIN_OUTPUTS: frozenset[str] = _OF_STATES | {"invariants"}
+"""Outputs that blocks of planar points have, whatever the accuracy."""
+_BY_DOUBLES = frozenset({"orientation", "stability"})
+"""Outputs that compiled doubles have for the tiers that are content with them."""
 FEW = (
     ("motion", "window"),
     ("motion", "g1_sign"),
@@ -135,6 +139,22 @@ class Sweep:
             and set(problem.outputs) <= _OF_STATES
             and all(axis.position_in_state is not None or axis.varies == "potential" for axis in self.axes)
         )
+
+    def has_block_outputs(self, *, by_doubles: bool) -> bool:
+        """Tell whether compiled code has all outputs and kept numbers for many points at a time.
+
+        ``by_doubles``: whether the accuracy is one for which it also has the stability, and the precession of
+        the attitude, of which it has no columns.
+        """
+        problem, outputs = self.first_problem, set(self.first_problem.outputs)
+        is_had = outputs <= PLAIN_OUTPUTS or (
+            by_doubles
+            and outputs <= PLAIN_OUTPUTS | _BY_DOUBLES
+            and not ("orientation" in outputs and self.series_columns)
+            and not ("stability" in outputs and problem.body.B is None)
+        )
+        moves_moment = any(axis.varies == "moment" for axis in self.axes)
+        return is_had and not (keeps_further(self.keep) and moves_moment)
 
     def values(self, index: int) -> tuple[Fraction, ...]:
         """Return the exact number on each axis; in a grid the last axis runs fastest."""

@@ -311,7 +311,7 @@ def processes_in(folder):
 
 REFUSING = """
 import pickle, threading
-from workers.process.cluster import refuse_pickles
+from workers.process.messages import refuse_pickles
 refuse_pickles()
 assert pickle.loads(pickle.dumps({"a": [1.0, b"x"], "kind": bytes}))["kind"] is bytes
 from distributed.protocol import dumps, loads, to_serialize

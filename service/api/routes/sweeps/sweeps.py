@@ -101,15 +101,14 @@ async def submit_sweep(
     nothing is queued: the answer tells what the sweep would cost.
     """
     given = read_key(idempotency_key, request, content, holder)
+    read = partial(inside.reading.run, len(content), _checked, content, inside.settings)
     if query.estimate:
-        document, sweep = await inside.reading.run(len(content), _checked, content, inside.settings)
-        check_priority(holder, int(document.get("priority", 0)), "/priority")
-        admit = partial(inside.limits.reserve_points, holder, sweep.points, is_estimate=True)
-        await run_in_threadpool(admit)
+        document, sweep = await read()
+        await run_in_threadpool(partial(_admit, document, sweep, inside, holder, is_estimate=True))
         return json_response(await while_connected(request, estimate_sweep(inside, sweep, holder)))
 
     async def work() -> Response:
-        document, sweep = await inside.reading.run(len(content), _checked, content, inside.settings)
+        document, sweep = await read()
         return await run_in_threadpool(_submit, document, sweep, inside, holder, given)
 
     return await inside.idempotency.once(given, work)
@@ -124,6 +123,16 @@ def _checked(content: bytes, settings: Settings) -> tuple[Part, Sweep]:
     return document, sweep
 
 
+def _admit(
+    document: Part, sweep: Sweep, inside: Resources, holder: ApiKey | None, *, is_estimate: bool = False
+) -> int:
+    """Return the priority of a sweep that its key may submit; an estimate counts for no limit."""
+    priority = int(document.get("priority", 0))
+    check_priority(holder, priority, "/priority")
+    inside.limits.reserve_points(holder, sweep.points, is_estimate=is_estimate)
+    return priority
+
+
 def _submit(
     document: Part,
     sweep: Sweep,
@@ -131,9 +140,7 @@ def _submit(
     holder: ApiKey | None,
     given: GivenKey | None,
 ) -> Response:
-    priority = int(document.get("priority", 0))
-    check_priority(holder, priority, "/priority")
-    inside.limits.reserve_points(holder, sweep.points)
+    priority = _admit(document, sweep, inside, holder)
     # Labels can be changed later; the document cannot.
     stored, annotation = split_annotation(document)
     record = inside.sweeps.submit(

@@ -43,6 +43,7 @@ from service.dynamics.formula.algebras.monomials import (
 )
 from service.dynamics.formula.limits import MAX_BITS
 from service.dynamics.formula.tape import Tape
+from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.verdict.proofs.energy_terms import EnergyTerms
 from service.dynamics.verdict.proofs.proof import Signs
 
@@ -181,6 +182,15 @@ def prove_power_sum(body: RigidBody, tape: Tape) -> CurveEnergy | None:
         return judge_power_sum(as_fmpq(body.A), as_fmpq(body.C), tape).energy
     except NotAMonomialSumError:
         return None
+
+
+def is_power_sum(body: RigidBody, potential: Potential) -> bool:
+    """Tell whether a potential has a formula, and :func:`judge_power_sum` can decide about it."""
+    try:
+        judge_power_sum(as_fmpq(body.A), as_fmpq(body.C), potential.tape)
+    except (NoClosedFormError, NotAMonomialSumError):
+        return False
+    return True
 
 
 def _energy(A: int, C: int, sums: ReadSum) -> MonomialSum:
