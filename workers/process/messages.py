@@ -14,9 +14,9 @@ from typing import BinaryIO
 
 from service.jobs.kernels import NeedsKernelsError
 from service.jobs.records import (
-    AtlasResult,
     ChunkOutcome,
     JobKind,
+    JobResult,
     Outcome,
     Refused,
     Solved,
@@ -33,13 +33,12 @@ _HARMLESS = {("builtins", "bytes")}
 UNTAKEN_SECONDS = 5.0
 """A batch that no child has begun by then is given back: something long is before it."""
 _LENGTH = struct.Struct(">Q")
-_RECORDS = {
-    record.__name__: record for record in (AtlasResult, ChunkOutcome, Refused, Solved, StoredSolution)
-}
+_RECORDS = {record.__name__: record for record in (JobResult, ChunkOutcome, Refused, Solved, StoredSolution)}
 _OUTCOMES: Mapping[JobKind, tuple[type, ...]] = {
     JobKind.SOLVE: (Solved, Refused),
     JobKind.CHUNK: (ChunkOutcome,),
-    JobKind.ATLAS: (AtlasResult, Refused),
+    JobKind.ATLAS: (JobResult, Refused),
+    JobKind.STUDY: (JobResult, Refused),
 }
 _FAULTS = {
     fault.__name__: fault
