@@ -29,7 +29,6 @@ OWN_LOOPS = {
     "discs/derivatives.py": "a number is a row with one power of the scale",
     "evaluation/low_degree.py": "degrees of V, no numbers",
     "general/series.py": "every order of a series needs the lower ones",
-    "transverse/jets.py": "Hill's coefficients",
 }
 """Other kernels that read instructions, and why they do."""
 FORMULAS = [
