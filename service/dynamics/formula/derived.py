@@ -79,6 +79,11 @@ def gradient(tape: Tape, tracer: Tracer, g: Sequence[Traced]) -> Sequence[Traced
     return jet.value, *jets.gradient(jet)
 
 
+def slopes(tape: Tape, tracer: Tracer, g: Sequence[Traced]) -> Sequence[Traced]:
+    """Return V_1, V_2 and V_3."""
+    return gradient(tape, tracer, g)[1:]
+
+
 def second_order(tape: Tape, tracer: Tracer, g: Sequence[Traced]) -> Sequence[Traced]:
     """Return V, its three first derivatives, and the second ones 11, 12, 13, 22, 23, 33."""
     jets = SecondOrderJets(tracer, 3)

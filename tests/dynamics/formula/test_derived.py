@@ -66,6 +66,7 @@ def test_derived_programs_equal_jets(tape, place):
         expected = [jet.value, V_1, V_2, V_3, *(rows[i][j] for i in range(3) for j in range(i, 3))]
         assert_alike(evaluated(tape, derived.second_order, point), expected)
         assert_alike(evaluated(tape, derived.gradient, point), expected[:4])
+        assert_alike(evaluated(tape, derived.slopes, point), expected[1:4])
         assert_alike(evaluated(tape, derived.value, point), expected[:1])
         turn = evaluated(tape, derived.turn, point)
         assert_alike(evaluated(tape, derived.value_and_turn, point), [jet.value, *turn])

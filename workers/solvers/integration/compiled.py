@@ -49,7 +49,7 @@ from workers.solvers.integration.interface import (
     neighbour_of,
     too_many_steps,
 )
-from workers.solvers.integration.programs import gradient_program
+from workers.solvers.integration.programs import shared_gradient
 from workers.solvers.integration.run_pair import (
     COARSE_DEFECT_RATIO,
     DIFFERENCE_FACTOR,
@@ -97,15 +97,11 @@ class CompiledIntegrator:
         return Equations(program.gradient, constants, self.moments)
 
     @cached_property
-    def structure(self) -> tuple[object, ...] | None:
-        """Key shared by integrators whose motions can be computed side by side; None where it is unknown.
-
-        Rounding constants to a neighbour can make two of them equal, or a sum of them vanish: then the
-        neighbour goes through other operations.
-        """
-        own, other = _structure_of(self.gradient), _structure_of(self._other.gradient)
-        program = self.equations.gradient
-        return (program.code.tobytes(), program.results.tobytes(), *own) if own == other else None
+    def structure(self) -> tuple[object, ...]:
+        """Key shared by integrators whose motions can be computed side by side."""
+        program, (code, constants, places, registers) = self.equations.gradient, self.gradient
+        of_series = code.tobytes(), len(constants), places.tobytes(), registers
+        return program.code.tobytes(), program.results.tobytes(), *of_series
 
     @cached_property
     def models(self) -> Models:
@@ -196,11 +192,6 @@ def _padded(coefficients: FloatArray) -> FloatArray:
     return padded
 
 
-def _structure_of(gradient: Gradient) -> tuple[object, ...]:
-    code, constants, places, registers = gradient
-    return code.tobytes(), len(constants), places.tobytes(), registers
-
-
 def models_of(integrators: Sequence[CompiledIntegrator]) -> Models:
     """Return the models of integrators of one structure."""
     first = integrators[0]
@@ -239,7 +230,7 @@ def _kept_integrator(body: RigidBody, potential: FormulaPotential) -> CompiledIn
 
 @lru_cache(maxsize=64)
 def _gradient_program(potential: FormulaPotential, rounding: Rounding) -> Gradient:
-    return gradient_program(potential, rounding)
+    return shared_gradient(potential.tape, rounding).gradient
 
 
 @lru_cache(maxsize=64)
@@ -329,8 +320,6 @@ def verified_run(
     where that is larger than the tolerance; infinity where finer runs follow, since then the estimate is not
     held against the equations.
     """
-    if integrator.structure is None:
-        return None
     status, breaks, coefficients, found = solve_pair(integrator.models, state, neighbour, check, asked)
     if status == OPEN:
         return None
