@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 OFTEN = 12
 """Evaluations of one kind after which a program pays for its making."""
 LONGEST = 4000
-"""Steps of a program: making longer ones takes longer than is sure to be saved."""
+"""Operations of a program: constants of longer ones take more room than is sure to be worth it."""
 FORMULAS = 64
 """Number of formulas whose programs are cached for the next problem."""
 PRECISIONS = 16
@@ -92,7 +92,8 @@ class Programs:
         asked = self._asked.get(name, 0) + 1
         self._asked[name] = asked
         if asked > way.often:
-            self._made[name] = traced_program(tape, way)
+            program = traced_program(tape, way)
+            self._made[name] = program if len(program.operations) <= LONGEST else None
         return None
 
 
@@ -130,15 +131,13 @@ class _Program(Generic[T]):
         return run
 
 
-def traced_program(tape: "Tape", way: Way) -> "_Program[Any] | None":
-    """Return the program of one way to ask a tape; None if it would be too long."""
+def traced_program(tape: "Tape", way: Way) -> "_Program[Any]":
+    """Return the program of one way to ask a tape."""
     is_real = way.kind == "real"
     algebra: Algebra[Any] = BallAlgebra() if is_real else ComplexBallAlgebra(analytic=way.kind == "analytic")
     tracer = Tracer()
     inputs, results = way.trace(tape, tracer)
     steps = tracer.steps(results)
-    if len(steps) > LONGEST:
-        return None
     constants = {number: step for number, step in steps if step.operation in _CONSTANTS}
     operations = {number: step for number, step in steps if step.operation not in (*_CONSTANTS, "variable")}
     order = [*constants, *(each.number for each in inputs), *operations]

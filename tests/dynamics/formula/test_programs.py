@@ -109,7 +109,6 @@ def test_what_is_not_wanted_is_not_computed() -> None:
         return inputs, derivative(tape, tracer, inputs)[1:]
 
     program = traced_program(tape, Way("real", trace))
-    assert program is not None
     # exp(g2), −g3, and their product.
     assert len(program.operations) == 3
 
