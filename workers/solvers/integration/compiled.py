@@ -19,7 +19,6 @@ from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF
 from workers.solvers.compiled.evaluation.program import Program, make_program, numbers_of
-from workers.solvers.compiled.general.held import hold
 from workers.solvers.compiled.general.many import solve_pair, solve_pairs
 from workers.solvers.compiled.general.records import Asked, Gradient, Models
 from workers.solvers.compiled.general.run_pair import COLLIDED, NUMBERS, OPEN, VERIFIED
@@ -28,6 +27,8 @@ from workers.solvers.compiled.general.series import ORDER, STATE
 from workers.solvers.compiled.general.steps import ARRIVED, CAUTION, TIRED, new_pieces, seen, take_steps
 from workers.solvers.compiled.lanes import LANES
 from workers.solvers.compiled.records import Equations
+from workers.solvers.compiled.residual.nodes import in_lanes
+from workers.solvers.compiled.residual.residual import hold
 from workers.solvers.integration.errors import (
     CollisionError,
     IntegrationError,
@@ -141,7 +142,7 @@ class CompiledIntegrator:
 
     def keeps(self, run: Run, goal: float, allowed: float) -> bool:
         """See Integrator.keeps."""
-        padded = _padded(run.coefficients)
+        padded = in_lanes(run.coefficients)
         is_kept, _, _ = hold(
             self.equations,
             run.breaks,
@@ -183,13 +184,6 @@ class CompiledIntegrator:
         count = int(counts[0])
         length, _ = seen(pieces[0, :count])
         return int(statuses[0]), breaks[0, : count + 1].copy(), pieces[0, :count, :length, :STATE].copy()
-
-
-def _padded(coefficients: FloatArray) -> FloatArray:
-    """Return series as kernels have them: beside the six variables two columns of 0."""
-    padded = np.zeros((*coefficients.shape[:2], LANES))
-    padded[:, :, :STATE] = coefficients
-    return padded
 
 
 def models_of(integrators: Sequence[CompiledIntegrator]) -> Models:
@@ -380,7 +374,7 @@ def verified_runs(
 def samples_of(verified: VerifiedRun, times: FloatArray, low_parts: FloatArray | None) -> FloatArray:
     """Return the six variables at the times, shape (n, 6): what the dense output has there."""
     values = np.empty((-(-len(times) // TOGETHER) * TOGETHER, LANES))
-    series = _padded(verified.coefficients)
+    series = in_lanes(verified.coefficients)
     low = _NONE if low_parts is None else low_parts
     values_at(verified.breaks, series, series.shape[1], times, low, values)
     return values[: len(times), :STATE].copy()

@@ -21,7 +21,7 @@ from workers.solvers.compiled.evaluation.interpreter import (
 )
 from workers.solvers.compiled.evaluation.program import make_program, rests_of
 from workers.solvers.compiled.integrals.known import run_known
-from workers.solvers.compiled.shown.discs import run_discs
+from workers.solvers.compiled.residual.discs import run_discs
 from workers.solvers.compiled.solve_set import new_formula
 
 BODY = body(3, 1)
