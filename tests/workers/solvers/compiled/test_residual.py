@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from service.dynamics.defect.accumulation import Blocks, accumulate
 from service.dynamics.defect.equations import Equations
-from service.dynamics.defect.evidence import TRUNCATION_SHARE, check_residual, check_samples
+from service.dynamics.defect.evidence import check_residual, check_samples
 from service.dynamics.problem import Accuracy, PlanarMotion
 from service.dynamics.solution.dense_output import DenseOutput
 from tests.support.planar import body, formula, planar
@@ -240,9 +240,8 @@ def test_a_corner_in_the_long_pieces_of_a_draft_is_settled_without_arrays(width,
     whole = check_residual(
         BODY, problem.potential, motion.dense, motion.dense.error, motion.energy, is_planar=True
     )
-    # Each way leaves out no more than a share of the claim at its own points.
-    left_out = TRUNCATION_SHARE * motion.dense.error
-    assert motion.evidence["defect"] == pytest.approx(whole.defect, rel=0.5, abs=left_out)
+    # It looks at fewer points, as few as the claim allows: its bound is wider, and still within the claim.
+    assert 0.5 * whole.defect <= motion.evidence["defect"] <= motion.dense.error
 
 
 @pytest.mark.parametrize(
