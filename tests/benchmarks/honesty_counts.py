@@ -1,7 +1,6 @@
 """What became of the claims of many random problems: counted, kept in a file, and gone on with."""
 
 import json
-import os
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
@@ -48,6 +47,8 @@ class Tally:
     """Smallest claimed/actual."""
     ratios: dict[str, Counter[str]] = field(default_factory=lambda: {name: Counter() for name in CLAIMS})
     """How often floor(log10(claimed/actual)) was seen."""
+    seconds: float = 0.0
+    """Time of the processor that it took, comparing included."""
 
     def count(self, claim: str, claimed: float, actual: float) -> None:
         """Count one claim and what it claims the bound of."""
@@ -61,6 +62,7 @@ class Tally:
     def add(self, other: "Tally") -> None:
         """Count what another has counted."""
         self.solved += other.solved
+        self.seconds += other.seconds
         self.refused += other.refused
         self.exceeded += other.exceeded
         for name, ratio in other.smallest.items():
@@ -109,16 +111,18 @@ def family_of(index: int) -> Family:
     return ROTA.get(index % 80, "three-term")
 
 
-def measure(record: Record, count: int, seconds: float, keep: Callable[[Record], None]) -> None:
-    """Go on, on all processors, until problem ``count`` or until so many seconds have passed.
+def measure(
+    record: Record, count: int, seconds: float, keep: Callable[[Record], None], processes: int
+) -> None:
+    """Go on, in so many processes, until problem ``count`` or until so many seconds have passed.
 
     ``keep`` is called with the record whenever some more are counted.
     """
     began, before, asked = time.perf_counter(), record.seconds, record.done
     running: deque[Future[Record]] = deque()
-    with ProcessPoolExecutor() as pool:
+    with ProcessPoolExecutor(processes) as pool:
         while True:
-            while len(running) < 2 * (os.cpu_count() or 1) and asked < count:
+            while len(running) < 2 * processes and asked < count:
                 if time.perf_counter() - began > seconds:
                     break
                 following = min(count, asked + TOGETHER)
@@ -159,6 +163,7 @@ def _measure_one(record: Record, index: int, draws: np.random.Generator) -> None
     record.drawn[f"{family}: {case.about}"] += 1
     for tier in TIERS:
         tally = record.tallies[f"{tier} {family}"]
+        began = time.process_time()
         try:
             claims = _claims(case, tier)
         except DynamicsError as refusal:
@@ -169,6 +174,8 @@ def _measure_one(record: Record, index: int, draws: np.random.Generator) -> None
             tally.refused[type(fault).__name__] += 1
             _tell(record, f"{type(fault).__name__}: {fault}", case, tier)
             continue
+        finally:
+            tally.seconds += time.process_time() - began
         tally.solved += 1
         for claim in claims:
             tally.count(claim.name, claim.claimed, claim.actual)
@@ -206,6 +213,7 @@ def load(path: Path, seed: int, subject: Subject) -> Record:
             Counter(tally["exceeded"]),
             tally["smallest"],
             {claim: Counter(powers) for claim, powers in tally["ratios"].items()},
+            tally["seconds"],
         )
         for name, tally in read.pop("tallies").items()
     }
