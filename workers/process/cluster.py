@@ -25,8 +25,7 @@ from typing import Any  # Any: what workers say, and what Dask returns
 
 from distributed import Client, Future
 
-from service.jobs.cluster import ClusterState, LeftOut
-from service.jobs.kernels import Kernels
+from service.jobs.kernels import ClusterState, Kernels, LeftOut
 from service.jobs.records import JobKind
 from service.sandbox import SandboxCrashError
 from workers.process.dask_worker import TOPIC, ChildrenPlugin, compute, equipment, stop_batch
