@@ -11,8 +11,7 @@ from datetime import datetime
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from service.jobs.cluster import ClusterState
-from service.jobs.kernels import Kernels
+from service.jobs.kernels import ClusterState, Kernels
 from service.jobs.records import FINISHED, JobState
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant
