@@ -227,7 +227,9 @@ def _verified_motion(
         samples=samples_of(verified, times, low_parts),
         low_parts=low_parts,
         error=verified.error,
-        energy=Estimate(verified.energy, verified.energy_error),
+        samples_kind="difference",
+        function_kind="difference",
+        energy=Estimate(verified.energy, verified.energy_error, "estimate"),
         window=None,
         aperiodic=None,
         past=None,
@@ -262,6 +264,8 @@ def _motion(
         times=times,
         samples=pair.fine(times),
         error=error,
+        samples_kind="difference",
+        function_kind="difference",
         energy=_energy(pair, body, potential, check),
         window=None,
         aperiodic=None,
@@ -283,4 +287,5 @@ def _energy(pair: RunPair, body: RigidBody, potential: Potential, check: FloatAr
     """Return the energy at t = 0; its error is how far it strays along the motion, which rounds it anew."""
     states = pair.fine(np.concatenate([np.zeros(1), check]))
     h = energy_integral(body, potential, states[:, :3], states[:, 3:])
-    return Estimate(float(h[0]), float(np.abs(h - h[0]).max() + SHARED_RELATIVE_ROUNDING * abs(h[0])))
+    error = float(np.abs(h - h[0]).max() + SHARED_RELATIVE_ROUNDING * abs(h[0]))
+    return Estimate(float(h[0]), error, "estimate")
