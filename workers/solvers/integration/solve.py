@@ -41,6 +41,8 @@ MAX_STEPS = 200_000
 CHECK_TIMES = 257
 """Equidistant times, besides those asked for, at which the two runs are compared: with few times
 asked the difference may vanish there by chance."""
+RESIDUAL = "error_by_residual"
+"""Key of the evidence: the error that what a run leaves of the equations makes, to first order."""
 GROWTH = "grown_errors"
 """Key of the evidence: what errors that a run makes on its way have grown to, a part of the claim."""
 FIRST_TOLERANCE_SHARE = 0.01
@@ -278,6 +280,7 @@ def _motion(
             "steps": pair.steps,
             "local_tolerance": pair.local_tolerance,
             "difference_of_runs": float(pair.difference(check).max()),
+            RESIDUAL: float(pair.residual.max()),
             GROWTH: float(pair.growth.max()),
         },
     )
