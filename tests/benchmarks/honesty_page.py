@@ -55,8 +55,9 @@ MEASURED = """## What is measured
   panels are judged by the decay of their series. Along the motion V₁ is a series of integrals, to 80 bits by
   the decay of its terms and by what is seen between its nodes.
 * **The method `integration`**, and with it cross-checks and motions from any state: the error is the
-  difference of runs (of four in compiled code, else of two), and what errors of every step grow to until
-  any later time (`grown_errors` in the evidence), checked against the equations. Growth is that of the
+  difference of runs (of four in compiled code; else of two, or the error that what the finer one leaves of
+  the equations makes, `error_by_residual` in the evidence, if that is more), and what errors of every step
+  grow to until any later time (`grown_errors`), checked against the equations. Growth is that of the
   equations of variation along the motion; what a step loses is modelled, as a rounding of all that is added
   up in it and what its series leave out. Both parts are estimates, to first order.
 

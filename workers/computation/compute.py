@@ -391,7 +391,7 @@ def _rounded(period: arb) -> Period:
     """Return a ball as the sum of two doubles and a bound."""
     hi = float(period)
     lo = float(period - arb(hi))
-    return Period(hi, lo, float(abs(period - arb(hi) - arb(lo)).abs_upper()))
+    return Period(hi, lo, float(abs(period - arb(hi) - arb(lo)).abs_upper()), "theorem")
 
 
 def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples: FloatArray) -> Motion:
@@ -403,7 +403,7 @@ def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples
             for ball, double in zip(state, row, strict=True)
         ),
     )
-    proven = replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error)
+    proven = replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error, samples_kind="theorem")
     return with_samples_raised(problem.body, problem.potential, proven)
 
 

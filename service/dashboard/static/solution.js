@@ -15,20 +15,24 @@ const ENDLESS = {
 
 const fact = (name, ...value) => h("div", {}, h("dt", {}, name), h("dd", {}, ...value.flat()));
 
+/** Mark a number whose error is a theorem; the others say nothing. */
+const proven = (kind) => (kind === "theorem" ? h("span", { class: "error", title: "proved by balls that contain every value" }, " proven") : "");
+
 /** Return the facts of a solution, each with its error, as parts of a description list. */
 function factsOf(solution) {
-  const { period, aperiodic, energy, window: range, invariants, cross_check: check, stability, precession } = solution;
+  const { period, aperiodic, energy, window: range, invariants, cross_check: check, stability, precession, error_kind: kinds = {} } = solution;
+  const known = (path) => proven(kinds?.[path]);
   const drift = Object.entries(invariants ?? {}).filter(([, value]) => value?.drift !== undefined);
   return [
-    period ? fact("Period", measured(period)) : fact("Period", aperiodic ? `none, ${ENDLESS[aperiodic] ?? aperiodic}` : "none is known"),
-    energy ? fact("Energy", measured(energy)) : null,
-    fact("Error of a sample", h("span", { class: "value" }, `≤ ${number(solution.error, 2)}`), relative(solution.errors)),
+    period ? fact("Period", measured(period), known("period")) : fact("Period", aperiodic ? `none, ${ENDLESS[aperiodic] ?? aperiodic}` : "none is known"),
+    energy ? fact("Energy", measured(energy), known("energy")) : null,
+    fact("Error of a sample", h("span", { class: "value" }, `≤ ${number(solution.error, 2)}`), known("samples"), relative(solution.errors)),
     range ? fact("Range", `from ${ENDS[range.ends[0]] ?? range.ends[0]} to ${ENDS[range.ends[1]] ?? range.ends[1]}`,
       h("span", { class: "error" }, ` γ₁ in [${range.g1.map((x) => number(x, 5)).join(", ")}]`)) : null,
     drift.length ? fact("Drift", drift.map(([name, value], k) => [k ? ", " : "", `${name} `, h("span", { class: "value" }, number(value.drift, 2))]).flat()) : null,
-    precession ? fact("Precession ψ in a period", measured(precession.psi1)) : null,
+    precession ? fact("Precession ψ in a period", measured(precession.psi1), known("precession.psi1")) : null,
     stability ? fact("In its plane it is", h("span", { class: "value" }, stability.verdict), h("span", { class: "error" },
-      ` trace ${number(stability.trace, 8)} ± ${number(stability.error, 2)}`)) : null,
+      ` trace ${number(stability.trace, 8)} ± ${number(stability.error, 2)}`), known("stability")) : null,
     stability?.trusted_time ? fact("Numerical integration is reliable until", h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`)) : null,
     check ? fact("Second method", `${check.method} ${check.agrees ? "agrees" : "disagrees"}`, h("span", { class: "error" }, ` within ${number(check.disagreement, 2)}`)) : null,
     fact("Method", `${solution.method}, tier ${solution.tier}`, h("span", { class: "error" }, ` ${number(solution.cost.compute_seconds, 2)} s`)),

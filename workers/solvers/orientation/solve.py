@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from service.dynamics.bounds import largest
+from service.dynamics.bounds import ErrorKind, largest
 from service.dynamics.equations.orientation import (
     LOCAL_QUATERNION,
     QUATERNION,
@@ -67,6 +67,8 @@ class Orientation:
     """Per period; None if the motion has none."""
     notices: tuple[str, ...]
     """Why psi1 or psi3 is not there."""
+    kind: ErrorKind
+    """How the errors of quaternion and angles are known: those of a motion are a part of them."""
 
 
 Advances = Callable[[Loop, int], tuple[Advance, Advance]]
@@ -97,7 +99,9 @@ def with_orientation(motion: Motion, advances_of: Advances = loop_advances) -> O
     precession = None
     if advances:
         precession = Precession(*(estimate(advances[name]) for name in AXES))
-    return Orientation(dense, precession, notices)
+    # Beside that of the motion they are sums of what is seen of series and of roundings.
+    kind: ErrorKind = "difference" if motion.function_kind == "difference" else "estimate"
+    return Orientation(dense, precession, notices, kind)
 
 
 def _resolve(dense: DenseOutput) -> tuple[tuple[str, ...], Pieces, tuple[str, ...]]:
