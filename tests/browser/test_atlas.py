@@ -54,7 +54,7 @@ def test_ends_collisions_and_changes_are_told_without_colours(tab):
     changes = [change["lambda"]["value"] for change in atlas["changes"]]
     dashes = {dash for x, dash in lines if x in changes}
     assert len(dashes) == len(changes) == 2
-    expect(page.locator("#atlas .annotation-text")).to_have_text(["separatrix", "equilibrium"])
+    expect(page.locator("#atlas .annotation-text")).to_have_text(["separatrix", "equilibrium", "γ₁"])
     # The same in words, in the order of λ.
     told = page.locator("#changes li")
     expect(told).to_have_count(len(atlas["parts"]) + len(changes))
