@@ -71,7 +71,8 @@ def audit_out(audit: Audit) -> AuditOut:
 
 def sweep_out(record: SweepRecord) -> SweepOut:
     """Return a sweep as it is shown, with its document."""
-    return SweepOut.model_validate({**_state(record), "document": dict(record.document)})
+    own = {"document": dict(record.document), "provenances": list(map(dict, record.provenances))}
+    return SweepOut.model_validate({**_state(record), **own})
 
 
 def sweep_state_out(record: SweepProgress) -> SweepStateOut:

@@ -7,19 +7,23 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from distributed import Client
 
 from service.jobs.records import AttemptOutcome, JobKind, JobState
+from service.local.worker_process import this_host
 from service.sandbox import Sandbox, SandboxCrashError
-from service.storage.codecs.packing import decode_points
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome, decode_points
 from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.dask_cluster import Cluster, Network, kill_group
+from tests.workers.chores import SOURCE
 from tests.workers.process.together import LIMITS
 from tests.workers.processes import ROOT, wait_until
 from workers.process.cluster import DaskPool
 from workers.process.dask_worker import TOPIC
+from workers.process.messages import MessageError, outcomes_in, pack_outcomes, unpack
 from workers.process.pool import ChildrenPool, ReturnedError
 from workers.process.tasks import TASKS
 
@@ -69,6 +73,8 @@ def test_a_bridge_computes_jobs_and_sweeps_and_says_where(
     )
     points = [decode_points(data) for data in sweeps.data(sweep.id, [chunk.first for chunk in chunks])]
     assert [value for found in points for value in found.numbers["period"]] == list(range(300))
+    provenance = {name: value for name, value in SOURCE.items() if name != "host"}
+    assert sweeps.get(sweep.id).provenances == [{**provenance, "hosts": [SOURCE["host"]]}]
     registry = WorkerRegistry(database, lease_seconds=10.0)
     (cluster,) = wait_until(lambda: [each for each in registry.clusters() if each.workers == 2])
     assert (cluster.scheduler, cluster.is_connected, cluster.threads) == (str(own_cluster.file), True, 2)
@@ -223,6 +229,24 @@ def test_a_scheduler_that_is_started_anew_costs_nobody_an_attempt(own_cluster, c
     assert len(after.outcomes()) == 1
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"host": "h" * 256}, {"way": "its own"}, {"numerics": "12"}, {"hosts": []}, {"processor": "x" * 5000},
+    ],
+)  # fmt: skip
+def test_a_source_that_is_none_is_refused(change):
+    assert read_back(SOURCE).source == SOURCE
+    with pytest.raises(MessageError):
+        read_back({**SOURCE, **change})
+
+
+def read_back(source):
+    outcome = chunk_outcome(ChunkPoints([SOLVED], {"period": np.ones(1)}), 1.0, source)
+    data = pack_outcomes({"begun": 1, "seconds": 1.0}, [outcome])
+    return outcomes_in(unpack(data), JobKind.CHUNK, 1)[0]
+
+
 @pytest.mark.long
 def test_a_cluster_computes_the_bits_of_children_here(tmp_path):
     problem = json.loads((ROOT / "examples" / "first.json").read_text())
@@ -252,6 +276,10 @@ def test_a_cluster_computes_the_bits_of_children_here(tmp_path):
         each["provenance"].pop("threads")  # the fork server of tests has not been told to use one
     assert told_there == told
     assert (points_there.data, points_there.bounds) == (points.data, points.bounds)
+    # Solutions and points of one host tell the same of it.
+    for solution, chunk in ((solved, points), (solved_there, points_there)):
+        named = {**solution.summary["provenance"], "host": this_host()}
+        assert chunk.source == {**named, "threads": chunk.source["threads"]}
 
 
 REFUSING = """
