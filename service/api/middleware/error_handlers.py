@@ -42,7 +42,7 @@ _UNAVAILABLE = "unavailable"
 _OVERLOAD = ("verdicts_busy", "busy")
 """Refusals that are not logged: no defect of this service, often many at once, and counted by status."""
 _NOWHERE = ("not_found", "key_missing")
-"""What a path that does not exist is refused with; without a key nobody learns that it does not."""
+"""Codes of the refusal of a path that does not exist; without a key nobody learns that it does not."""
 _CODES = {
     HTTPStatus.NOT_FOUND: "not_found",
     HTTPStatus.METHOD_NOT_ALLOWED: "method_not_allowed",
