@@ -212,15 +212,16 @@ export function turningBody(place, { moments, centre }, { t, frames, columns }, 
 /**
  * The clock of a page: a time between the ends of the samples that it has, played, stopped and scrubbed.
  *
- * ``follow(see)`` calls ``see(clock)`` at each change until what it returns is called; ``told(k)`` gives the text of a sample.
+ * ``follow(see)`` calls ``see(clock)`` at each change until what it returns is called; ``textOf(k)`` gives the text of a sample.
  */
 export class Clock {
-  constructor(place, told) {
-    Object.assign(this, { t: [0, 1], share: 0, k: 0, told, seen: new Set(), frame: null });
+  constructor(place, textOf) {
+    Object.assign(this, { t: [0, 1], share: 0, k: 0, textOf, seen: new Set(), frame: null });
     this.scrub = h("input", { type: "range", min: 0, max: 1, step: "any", value: 0, "aria-label": "Time", class: "scrub", oninput: () => { this.stop(); this.move(Number(this.scrub.value)); } });
     this.pace = h("select", { "aria-label": "Speed" }, [0.25, 0.5, 1, 2, 4].map((value) => h("option", { value, selected: value === 1 }, `× ${value}`)));
     this.button = h("button", { type: "button", class: "main small", onclick: () => (this.frame === null ? this.play() : this.stop()) }, "Play");
-    this.values = h("output", { class: "hint value" });
+    // No live region: while the clock runs nothing else could be heard.
+    this.values = h("p", { class: "hint value", tabindex: "0", role: "group", "aria-label": "Values at this time" });
     fill(place, h("div", { class: "row" }, this.button, this.pace, this.scrub), this.values);
   }
 
@@ -257,7 +258,7 @@ export class Clock {
       else high = middle;
     }
     this.k = time - t[low] < t[high] - time ? low : high;
-    this.values.textContent = this.told(this.k);
+    this.values.textContent = this.textOf(this.k);
     for (const see of this.seen) see(this);
   }
 

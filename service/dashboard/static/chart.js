@@ -56,7 +56,7 @@ function dressed(layout, { ink, soft, line }) {
   return {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", autosize: true,
     font: { family: "system-ui, sans-serif", size: 12, color: ink }, margin: { l: 72, r: 14, t: 10, b: 44 },
-    legend: { orientation: "h", y: 1.08, x: 0 }, hoverlabel: { font: { family: "system-ui, sans-serif" } }, ...uprightNames(axes, layout, ink),
+    legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, hoverlabel: { font: { family: "system-ui, sans-serif" } }, ...uprightNames(axes, layout, ink),
   };
 }
 

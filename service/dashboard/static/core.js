@@ -269,6 +269,12 @@ export function motionText(motion) {
   return motion.nu === undefined ? `planar, λ = ${motion.lambda}` : `planar, ν = ${motion.nu}`;
 }
 
+/** What a motion does at an end of its range, in words; the glossary of the documentation has the same ones. */
+export const ENDS = {
+  rest: "turns at rest", equator: "crosses the equator", pole: "passes a pole", equilibrium: "tends to an equilibrium", standstill: "comes to a standstill",
+  collision: "runs into a collision", edge: "reaches the edge of the domain",
+};
+
 export const bodyText = (body) => ["A", "B", "C"].filter((name) => body[name] != null).map((name) => `${name} = ${body[name]}`).join(", ");
 
 /** Return a button that copies what ``text`` returns. */

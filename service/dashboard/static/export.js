@@ -163,7 +163,7 @@ function projector({ scene, box }, paper) {
   return { canvas, context, show };
 }
 
-function gif(film, told) {
+function gif(film, progress) {
   return onPaper(h("i"), async (paper) => {
     const { GIFEncoder, quantize, applyPalette } = await import("./gifenc.js");
     const { context, show } = projector(film, paper);
@@ -180,7 +180,7 @@ function gif(film, told) {
       const data = pixels(k / count);
       file.writeFrame(applyPalette(data, palette), FILM, FILM, { palette: k ? undefined : palette, delay: 1000 / RATE, repeat: 0 });
       if (k % RATE === 0) {
-        told(k / count);
+        progress(k / count);
         await new Promise((resolve) => { setTimeout(resolve); });
       }
     }
@@ -190,7 +190,7 @@ function gif(film, told) {
 }
 
 /** Return a film that is recorded while it runs: it takes as long as it lasts. */
-function webm(film, told) {
+function webm(film, progress) {
   return onPaper(h("i"), async (paper) => {
     if (!globalThis.MediaRecorder?.isTypeSupported("video/webm")) throw new Error("this browser records no WebM");
     const { canvas, show } = projector(film, paper);
@@ -204,7 +204,7 @@ function webm(film, told) {
     let share = 0;
     while (share < 1) {
       show(share);
-      told(share);
+      progress(share);
       await new Promise((resolve) => { requestAnimationFrame(resolve); });
       share = (performance.now() - began) / (1000 * film.seconds);
     }
@@ -218,13 +218,13 @@ const WRITERS = {
   svg: async (place) => new Blob([(await drawing(place)).text], { type: "image/svg+xml" }),
   png: async (place) => png(await drawing(place)),
   pdf: async (place, title) => pdf(await drawing(place), title),
-  gif: (place, title, told) => gif(place.film(), told),
-  webm: (place, title, told) => webm(place.film(), told),
+  gif: (place, title, progress) => gif(place.film(), progress),
+  webm: (place, title, progress) => webm(place.film(), progress),
 };
 
-/** Save a picture as a file. ``names``: of the page, of what it shows, of the picture; ``told(share)`` hears how far it is. */
-export async function saved(place, kind, names, told) {
-  const content = await WRITERS[kind](place, names[0], told);
+/** Save a picture as a file. ``names``: of the page, of what it shows, of the picture; ``progress(share)`` hears how far it is. */
+export async function saved(place, kind, names, progress) {
+  const content = await WRITERS[kind](place, names[0], progress);
   const link = h("a", { href: URL.createObjectURL(content), download: `polhode-${names.slice(1).filter(Boolean).join("-")}.${kind}` });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);

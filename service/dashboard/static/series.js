@@ -63,6 +63,10 @@ function firstOf({ columns, ...rest }, period) {
   return { ...rest, columns: Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values.subarray(0, count)])) };
 }
 
+const PARTS = ["series", "gamma", "omega", "turning", "phase", "drift"];
+/** Make what shows the last stretch grey until it shows the one that is asked for. */
+export const stale = (isStale, ...names) => { for (const name of names.length ? names : PARTS) $(name).setAttribute("aria-busy", isStale); };
+
 const NOTES = {
   lines: ({ columns: { t }, off }) => `${t.length} points, the lines between them are off by at most ${number(off, 1)} of the range of a variable`,
   dots: ({ columns: { t } }) => `${t.length} values; the motion oscillates too fast between them to be drawn as lines. Zoom in to see it`,
@@ -89,10 +93,12 @@ export async function overTime(solution, stretch, seen) {
     asking?.abort();
     asking = new AbortController();
     const { signal } = asking;
+    stale(true);
     try {
       shown = await stretchOf(solution, place, signal);
     } catch (error) {
       if (signal.aborted) return;
+      stale(false);
       $("series-note").replaceChildren(troubleOf(error));
       return;
     }
@@ -100,6 +106,7 @@ export async function overTime(solution, stretch, seen) {
     tellStretch();
     remember({ start: place && place[0], stop: place && place[1] });
     await drawLines();
+    stale(false, "series");
     const text = `From ${number(t[0], 10)} to ${number(t.at(-1), 10)}: ${NOTES[shown.kind](shown)}; their claimed error is at most ${number(shown.error, 2)}.`;
     $("series-note").textContent = text;
     say(text);

@@ -1,14 +1,12 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ago, asked, bodyText, copier, during, exact, fill, get, h, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
+import { $, ENDS, ago, asked, bodyText, copier, during, exact, fill, get, h, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
 import { centreOf, Clock, drawnBody, framesOf, multipliers, turningBody } from "./body.js";
 import { pointed } from "./chart.js";
-import { between, drifts, namesOf, overTime, phasePlane, samplesOf, SHOWN } from "./series.js";
+import { between, drifts, namesOf, overTime, phasePlane, samplesOf, SHOWN, stale } from "./series.js";
 import { pointsOf, turnable } from "./sphere.js";
 
 const FORMATS = { json: "JSON", csv: "CSV", ndjson: "NDJSON", npz: "NPZ (NumPy)", arrow: "Arrow", parquet: "Parquet" };
 
-const ENDS = { pole: "passes a pole", equator: "crosses the equator", rest: "turns at rest", equilibrium: "tends to an equilibrium", standstill: "comes to a standstill",
-  collision: "runs into a collision", edge: "reaches the edge of the domain" };
 const STABILITY = { stable: "linearly stable", unstable: "linearly unstable", marginal: "not decided by the linear equation" };
 const ENDLESS = {
   separatrix: "on a separatrix: it approaches an equilibrium for ever", equilibrium: "an equilibrium: nothing moves",
@@ -128,6 +126,7 @@ async function show() {
       await pause(0);
       if (latest === stretch) show();
     }
+    if (latest === stretch) stale(false, "gamma", "omega", "phase", "drift");
     if (isFirst && !matchMedia("(prefers-reduced-motion: reduce)").matches) clock.play();
   });
 }
@@ -173,7 +172,7 @@ function turning(solution, clock) {
     } catch (error) {
       if (error.name !== "AbortError") fill($("turning"), troubleOf(error));
     } finally {
-      if (!signal.aborted) $("turning").removeAttribute("aria-busy");
+      if (!signal.aborted) stale(false, "turning");
     }
   };
 }
