@@ -56,7 +56,9 @@ def summarise(
         "problem": document,
         "method": motion.method,
         "tier": problem.accuracy.tier,
-        "period": _period(motion) if certified is None else _enclosure(certified.period),
+        "period": _period(motion)
+        if certified is None or certified.period is None
+        else _enclosure(certified.period),
         "aperiodic": motion.aperiodic,
         "asymptotes": None
         if motion.past is None or motion.future is None

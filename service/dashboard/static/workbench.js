@@ -1,11 +1,6 @@
 // A problem is written here; verdict, motions and costs follow while one types.
-<<<<<<< HEAD
 import { $, copier, during, exact, fill, get, h, isNotAllowed, number, post, Refusal, run, say, troubleOf } from "./core.js";
-import { build, fillForm, problemOf, showFaults } from "./fields.js";
-=======
-import { $, copier, during, exact, fill, get, h, number, post, Refusal, run, say, troubleOf } from "./core.js";
 import { asPython, build, fillForm, problemOf, showFaults, useFormula } from "./fields.js";
->>>>>>> 536abb3a371de30fc65f7449d1fe76f6800d83d4
 import { showFormulas, showSphere, showVerdict } from "./verdict.js";
 
 const QUIET = 40; // milliseconds after the last key: of what is typed fast not each letter is asked for
