@@ -3,7 +3,8 @@
 Random problems are solved in every tier, as the service does. Smooth ones and motions through poles are
 compared with the certified motion in balls, motions from states with series in long integers, hostile ones
 with what is true of them by their making. A claim is exceeded if the whole ball is further away than it. With
-``--record FILE``, ``--passages-record FILE``, ``--states-record FILE`` and ``--hostile-record FILE`` a run
+``--record FILE``, ``--passages-record FILE``, ``--states-record FILE``, ``--motions-record FILE`` and
+``--hostile-record FILE`` a run
 goes on where the last one with those files stopped; what is asked no more of is written as it was counted.
 ``--only smooth``, for example, runs and writes one section; the others stay as they are on the page. To run
 in the background in bounded time, and go on later: ``--only smooth --seconds 3000 --record F``.
@@ -21,21 +22,31 @@ from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from service.versions import version_of
 from tests.benchmarks.honesty_counts import MOST, SUBJECTS, TIERS, Record, Subject, Tally, load, measure
-from tests.benchmarks.honesty_page import MEASURED, NOT_COVERED, PASSAGES, PROVED, SMOOTH, STATES, TITLE
+from tests.benchmarks.honesty_page import (
+    MEASURED,
+    MOTIONS,
+    NOT_COVERED,
+    PASSAGES,
+    PROVED,
+    SMOOTH,
+    STATES,
+    TITLE,
+)
 from tests.benchmarks.hostile_counts import HostileRecord, faults_of, load_hostile, measure_hostile
 from tests.benchmarks.hostile_report import hostile_section
-from tests.support import random_states
+from tests.support import random_motions, random_states
 from tests.support.claims import BITS, CLAIMS, LATEST
 from tests.support.hostile_documents import ONLY
 from tests.support.hostile_ways import ROUNDS
 from tests.support.random_documents import SMALLEST_GAP
 
 REPORT = Path(__file__).parents[2] / "docs" / "honesty.md"
-Kind = Literal["smooth", "passages", "states", "hostile"]
+Kind = Literal["smooth", "passages", "states", "motions", "hostile"]
 HEADS: Mapping[Kind, str] = {
     "smooth": "## Smooth potentials\n",
     "passages": "## Motions through poles\n",
     "states": "## Motions from states next to unstable ones\n",
+    "motions": "## Motions of every sort, attitudes and multipliers\n",
     "hostile": "## Hostile potentials\n",
 }
 """Headings of the sections, in their order."""
@@ -96,6 +107,22 @@ def states_section(record: Record) -> list[str]:
     ]
 
 
+def motions_section(record: Record) -> list[str]:
+    """Return the section about motions of every sort."""
+    return [
+        MOTIONS.format(
+            seed=record.seed,
+            done=record.done,
+            minutes=record.seconds / 60,
+            latest=random_motions.LATEST,
+            radians=random_motions.MOST_RADIANS,
+            fastest=random_motions.FASTEST,
+            numerics=NUMERICS,
+        ),
+        *_counted(record, f"Motions: {_listed(record.drawn)}."),
+    ]
+
+
 def _counted(record: Record, drawn: str) -> list[str]:
     """Return tables of what became of problems."""
     families = SUBJECTS[record.subject]
@@ -127,14 +154,19 @@ def _table(tiers: Mapping[Tier, Sequence[Tally]], families: Sequence[str]) -> li
             )
             lines.append(
                 f"| {tier} | {family} | {asked} | {tally.solved} | {_listed(tally.refused)} | {exceeded} "
-                f"| {tally.smallest.get('samples', inf):.2g} | {_median(tally)} |"
+                f"| {_smallest(tally):.2g} | {_median(tally)} |"
             )
     return lines
 
 
+def _smallest(tally: Tally) -> float:
+    return tally.smallest.get("samples", tally.smallest.get("trace", inf))
+
+
 def _median(tally: Tally) -> str:
     """Return the power of ten in which the median of claimed/actual of the samples lies."""
-    powers = sorted(int(power) for power in tally.ratios["samples"].elements())
+    counted = tally.ratios["samples"] or tally.ratios["trace"]
+    powers = sorted(int(power) for power in counted.elements())
     return _range(powers[(len(powers) - 1) // 2]) if powers else "none"
 
 
@@ -175,12 +207,15 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=10_000, help="smooth problems, each in every tier")
     parser.add_argument("--passages", type=int, default=2000, help="motions through poles, in every tier")
     parser.add_argument("--states", type=int, default=5000, help="motions from states, each in every tier")
+    parser.add_argument("--motions", type=int, default=2000, help="motions of every sort, in every tier")
     parser.add_argument("--hostile", type=int, default=2000, help="hostile problems, each in every tier")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=inf, help="stop after them, of each kind")
     parser.add_argument("--record", type=Path, help="file of what has been counted, to go on from")
     parser.add_argument("--passages-record", type=Path, help="the same of motions through poles")
     parser.add_argument("--states-record", type=Path, help="the same of motions from states")
+    parser.add_argument("--motions-record", type=Path, help="the same of motions of every sort")
+    parser.add_argument("--processes", type=int, help="of all kinds but hostile ones; all processors")
     parser.add_argument("--hostile-record", type=Path, help="the same of hostile problems")
     parser.add_argument("--only", choices=HEADS, help="run this kind; other sections are kept")
     parser.add_argument("--class", dest="only_class", choices=ONLY, help="of hostile problems")
@@ -191,6 +226,7 @@ def main() -> int:
         "smooth": arguments.record,
         "passages": arguments.passages_record,
         "states": arguments.states_record,
+        "motions": arguments.motions_record,
     }
     records = {
         subject: load(path, arguments.seed, subject) if path else Record(arguments.seed, subject)
@@ -211,14 +247,17 @@ def main() -> int:
 
     found = sections(REPORT.read_text(encoding="utf-8"))
     if "smooth" in asked:
-        measure(records["smooth"], arguments.count, arguments.seconds, keep)
+        measure(records["smooth"], arguments.count, arguments.seconds, keep, arguments.processes)
         found["smooth"] = "\n".join(smooth_section(records["smooth"], SMOOTH))
     if "passages" in asked:
-        measure(records["passages"], arguments.passages, arguments.seconds, keep)
+        measure(records["passages"], arguments.passages, arguments.seconds, keep, arguments.processes)
         found["passages"] = "\n".join(smooth_section(records["passages"], PASSAGES))
     if "states" in asked:
-        measure(records["states"], arguments.states, arguments.seconds, keep)
+        measure(records["states"], arguments.states, arguments.seconds, keep, arguments.processes)
         found["states"] = "\n".join(states_section(records["states"]))
+    if "motions" in asked:
+        measure(records["motions"], arguments.motions, arguments.seconds, keep, arguments.processes)
+        found["motions"] = "\n".join(motions_section(records["motions"]))
     if "hostile" in asked:
         measure_hostile(hostile, arguments.hostile, arguments.seconds, keep_hostile, arguments.only_class)
         found["hostile"] = "\n".join(hostile_section(hostile))
