@@ -21,8 +21,9 @@ def columns_of(outputs: Collection[str]) -> list[str]:
     return [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in outputs]
 
 
-EnclosureMethod = Literal["elliptic", "integral"]
-"""Ways to an enclosure: elliptic functions, for potentials of three terms; the integral, for any formula."""
+EnclosureMethod = Literal["elliptic", "integral", "steps"]
+"""Ways to an enclosure: elliptic functions, for potentials of three terms; the integral, for any formula;
+proven steps, from any state."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -181,7 +181,8 @@ class Units:
             quick = arb(2) ** self.k
             states = tuple((p * quick, q * quick, r * quick, *gamma) for p, q, r, *gamma in found.states)
             times = tuple(time / quick for time in found.times)
-            return replace(found, period=found.period / quick, states=states, times=times)
+            period = None if found.period is None else found.period / quick
+            return replace(found, period=period, states=states, times=times)
 
     def enclosures(self, columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return the columns that hold enclosures in the client's units."""

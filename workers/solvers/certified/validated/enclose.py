@@ -82,13 +82,14 @@ class ProvenTrajectory:
     """A motion proven from t = 0 to ``end``, which may be before it: a ball of each variable at each time."""
 
     stretches: tuple[ProvenStretch, ...]
+    begins: tuple[Fraction, ...]
+    """How far from t = 0 each of them begins."""
     end: Fraction
     precision: int
 
     def stretch(self, t: Fraction) -> ProvenStretch:
         """Return the stretch in which t is."""
-        begins = [abs(each.step.begin) for each in self.stretches]
-        return self.stretches[max(0, bisect_right(begins, abs(t)) - 1)]
+        return self.stretches[max(0, bisect_right(self.begins, abs(t)) - 1)]
 
     def state(self, t: Fraction) -> tuple[arb, ...]:
         """Return the variables at a time of the trajectory."""
@@ -215,6 +216,10 @@ def _trajectory(
     count, order = system.dimension, max(LEAST_ORDER, round(ORDER_PER_BIT * ctx.prec))
     # A sum is rounded to the precision in force, whatever that of the start is.
     balls = [value + 0 for value in start()]
+    if not all(is_narrow(value, bits) for value in balls):
+        raise CertifiedUnavailableError(
+            f"its state at t = 0 is not known to {bits} bits", pointer="/accuracy/bits"
+        )
     unit = arb(2) ** -ctx.prec
     here = Neighbourhood(
         tuple(value.mid() for value in balls),
@@ -236,7 +241,8 @@ def _trajectory(
         widest = [max(size, abs(float(value))) for size, value in zip(widest, here.middle, strict=True)]
         if not np.all(here.radius <= allowed * np.array(widest)):
             raise _TooWideError(t)
-    return ProvenTrajectory(tuple(stretches), t, ctx.prec)
+    begins = tuple(abs(each.step.begin) for each in stretches)
+    return ProvenTrajectory(tuple(stretches), begins, t, ctx.prec)
 
 
 def _step(system: Recorded, here: Neighbourhood, t: Fraction, end: Fraction, order: int) -> ProvenStep:
