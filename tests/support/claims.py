@@ -22,6 +22,9 @@ from workers.solvers.choose import enclose
 CLAIMS = {
     "samples": "the asked samples",
     "stored": "the stored function of time, at the same times",
+    "attitude": "the quaternion and the angles, at the asked times",
+    "trace": "the trace of the multipliers",
+    "multipliers": "each multiplier",
     "period": "the period",
     "energy": "the energy",
 }

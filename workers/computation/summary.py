@@ -91,9 +91,12 @@ def error_kinds(motion: Motion, outputs: Outputs, certified: Certified | None) -
     """
     kinds: dict[str, ErrorKind] = {"energy": motion.energy.kind if certified is None else "theorem"}
     if motion.dense.period is not None:
-        kinds["period"] = motion.dense.period.kind if certified is None else "theorem"
+        is_proven = certified is not None and certified.period is not None
+        kinds["period"] = "theorem" if is_proven else motion.dense.period.kind
     if len(motion.times):
-        kinds |= {"samples": motion.samples_kind, "function": motion.function_kind}
+        # That with an attitude is cut into other pieces.
+        function = motion.function_kind if outputs.orientation is None else outputs.orientation.kind
+        kinds |= {"samples": motion.samples_kind, "function": function}
     for name, limit in (("past", motion.past), ("future", motion.future)):
         numbers = {} if limit is None else {"time": limit.time, "rate": limit.rate}
         kinds |= {f"asymptotes.{name}.{key}": each.kind for key, each in numbers.items() if each is not None}

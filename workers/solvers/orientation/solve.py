@@ -53,6 +53,8 @@ PERIODIC_VERTICAL_ANGLE = 1e-10
 AXES = {"psi1": 0, "psi3": 2}
 RATE_RELATIVE_ROUNDING = 4.0 * EPSILON
 """Rounding error of a rate, relative to its terms; and of a product of quaternions."""
+CUT_RELATIVE_ROUNDING = 8.0 * EPSILON
+"""Rounding error of the six variables on a part of a piece, relative to the sum of their coefficients."""
 UNSEEN_FACTOR = 2.0
 """Factor for the places between the points that are looked at."""
 
@@ -79,7 +81,7 @@ def with_orientation(motion: Motion, advances_of: Advances = loop_advances) -> O
     """Return the dense output of ``motion`` with the attitude added, and the precession per period.
 
     Pieces are halved where the attitude needs it; the motion's own columns stay
-    the same functions with the same errors.
+    the same functions but for the rounding of their coefficients, which is added to their error.
 
     Raises
     ------
@@ -131,12 +133,14 @@ def _with_columns(dense: DenseOutput, names: tuple[str, ...], pieces: Pieces) ->
     angles[:, 0] += starts
     quaternion = quaternion_product(_starts(pieces.propagators.sum(axis=1))[:, None], pieces.propagators)
     count = len(dense.columns)
+    is_cut = pieces.high - pieces.low < 2.0
+    rounding = CUT_RELATIVE_ROUNDING * np.abs(pieces.motion[is_cut]).sum(axis=1).max(initial=0.0)
     joined = DenseOutput(
         (*dense.columns, *LOCAL_QUATERNION, *names),
         _breaks(dense, pieces),
         np.concatenate([pieces.motion, quaternion, angles], axis=2),
         dense.period,
-        dense.error,
+        dense.error + float(rounding),
     )
     at_zero = joined(np.zeros(1))[0]
     there, psi = at_zero[count : count + 4], at_zero[count + 4 :]
