@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import printed_error
+from service.dynamics.discovery.cases import known_cases
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.vanishing import vanishing_parts
@@ -66,8 +67,14 @@ def verdict_document(body: RigidBody, verdict: Verdict, potential: Potential) ->
         "plan": None,
         "formulas": None,
         "classical": None,
+        "known_cases": known_cases_document(body, potential),
         "warnings": [asdict(notice) for notice in potential.notices],
     }
+
+
+def known_cases_document(body: RigidBody, potential: Potential) -> list[Document]:
+    """Return the cases with names that the body and the field are, each with its source."""
+    return [asdict(case) for case in known_cases(body, potential)]
 
 
 def _counterexample(point: Counterexample | None, jump: Jump | None) -> Document | None:

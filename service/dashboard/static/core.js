@@ -241,3 +241,9 @@ export function exact(value) {
   const [above, below = "1"] = String(value).split("/");
   return Number(above) / Number(below);
 }
+
+/** Return a line with the cases that a problem is, by their names; `null` if it is none. */
+export function knownCases(known) {
+  if (!known?.length) return null;
+  return h("p", { class: "hint" }, `Known: ${known.map(({ name, source }) => `the case ${name.replaceAll("_", " and ")} (${source})`).join(", ")}.`);
+}

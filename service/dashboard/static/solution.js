@@ -1,5 +1,5 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ago, asked, bodyText, copier, exact, fill, get, h, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
+import { $, ago, asked, bodyText, copier, exact, fill, get, h, knownCases, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
 import { multipliers, turningBody } from "./body.js";
 import { between, drifts, overTime, phasePlane, samplesOf } from "./series.js";
 import { pointsOf, turnable } from "./sphere.js";
@@ -86,7 +86,7 @@ async function show() {
   $("title").textContent = title;
   $("subtitle").textContent = `${motionText(problem.motion)} · ${bodyText(problem.body)} · computed ${ago(solution.created_at)}`;
   fill($("facts"), factsOf(solution));
-  fill($("warnings"), (solution.warnings ?? []).map((warning) => h("p", { class: "notice" }, warning.message ?? String(warning))));
+  fill($("warnings"), [knownCases(solution.known_cases), ...(solution.warnings ?? []).map((warning) => h("p", { class: "notice" }, warning.message ?? String(warning)))]);
   fill($("provenance"), Object.entries({ ...solution.provenance, solution: solution.id, job: solution.job }).map(([name, value]) =>
     h("div", {}, h("dt", {}, name), h("dd", {}, String(value)))));
   $("problem").textContent = JSON.stringify(problem, null, 2);

@@ -60,6 +60,16 @@ class FormulaOut(ResponseModel):
     window: int | None = Field(description="Number of the window whose motion it is; null: of none.")
 
 
+class KnownCaseOut(ResponseModel):
+    """A case of the heavy body that has a name."""
+
+    name: str = Field(
+        description="`euler`, `lagrange`, `kovalevskaya`, `goriachev_chaplygin` (integrable, the last on the"
+        " zero level of the areas), or `bobylev_steklov` (the motions with q = 0)."
+    )
+    source: str = Field(description="Who found it, and when.")
+
+
 class BallOut(ResponseModel):
     """mid ± rad, in decimals: the exact number is certainly inside."""
 
@@ -380,5 +390,8 @@ class VerdictOut(ResponseModel):
     classical: ClassificationOut | None = Field(
         description="Of a state (a motion of the type state, with all moments) in a potential of the type"
         " gravity: the classical and integrable cases it lies on, or is near; else null."
+    )
+    known_cases: list[KnownCaseOut] = Field(
+        description="Those that the body and the field are, by exact conditions, however V is written."
     )
     warnings: list[NoticeOut] = Field(description="Warnings about the potential; often empty.")

@@ -173,6 +173,8 @@ def _lines(verdict: VerdictOut) -> Iterator[str]:
                 yield f"            {existence_sentence(verdict.existence)}"
         for window in verdict.motions:
             yield f"window {window.window:<4} {_window(window)}"
+    for known in verdict.known_cases:
+        yield f"known case  {known.name} ({known.source})"
     if verdict.classical is not None:
         yield from describe_classification(verdict.classical)
 

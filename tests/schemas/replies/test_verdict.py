@@ -32,6 +32,11 @@ def verdict(potential, body):
     return found
 
 
+def test_a_verdict_says_which_known_case_its_problem_is():
+    found = verdict({"type": "gravity", "a": -1}, {"A": 2, "B": "3/2", "C": 1})
+    assert [each["name"] for each in found["known_cases"]] == ["bobylev_steklov"]
+
+
 def expression(text):
     return {"type": "expression", "expression": text}
 
