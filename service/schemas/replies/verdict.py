@@ -70,6 +70,16 @@ class KnownCaseOut(ResponseModel):
     source: str = Field(description="Who found it, and when.")
 
 
+class RatiosOut(ResponseModel):
+    """The ratios A/C for which the potential would be admissible, all of them, exactly."""
+
+    all: bool = Field(description="It is for every ratio but 1.")
+    ratios: list[str] = Field(description="Else those that are ratios of integers; often none.")
+    others: list[str] = Field(
+        description="Polynomials in A, for the C that was sent, whose positive roots are further values of A."
+    )
+
+
 class BallOut(ResponseModel):
     """mid ± rad, in decimals: the exact number is certainly inside."""
 
@@ -374,6 +384,7 @@ class VerdictOut(ResponseModel):
     evidence: EvidenceOut | None = Field(description="With proof `numeric`.")
     decomposition: DecompositionOut | None = Field(description="Of an admissible potential.")
     nearest: NearestOut | None = Field(description="Of a polynomial that is not admissible.")
+    ratios: RatiosOut | None = Field(description="Of a polynomial that is not admissible.")
     motions: list[MotionWindowOut] | None = Field(
         description="Every window of the motion that was sent; null if none was, or if there are no motions."
     )
