@@ -208,7 +208,7 @@ def nearest_document(
 
 
 def ratios_document(body: RigidBody, potential: Potential, stated: Part) -> Document | None:
-    """Return the ratios A/C for which a polynomial would be admissible, its formula taken as it is ``stated``.
+    """Return the ratios A/C for which a polynomial would be admissible, its formula being as ``stated``.
 
     None of a potential that is no polynomial.
     """
