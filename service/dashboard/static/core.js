@@ -326,5 +326,11 @@ export function exportable(place, { moves = false } = {}) {
   figure.append(host, menu);
 }
 
+/** Return a line with the cases that a problem is, by their names; `null` if it is none. */
+export function knownCases(known) {
+  if (!known?.length) return null;
+  return h("p", { class: "hint" }, `Known: ${known.map(({ name, source }) => `the case ${name.replaceAll("_", " and ")} (${source})`).join(", ")}.`);
+}
+
 // A tour goes through several pages.
 if (sessionStorage.getItem("polhode.tour")) import("./tours.js").then(({ resume }) => resume());

@@ -1,5 +1,5 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ENDS, ago, asked, bodyText, copier, during, exact, fill, get, h, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
+import { $, ENDS, ago, asked, bodyText, copier, during, exact, fill, get, h, knownCases, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
 import { centreOf, Clock, drawnBody, framesOf, multipliers, turningBody } from "./body.js";
 import { pointed } from "./chart.js";
 import { between, drifts, namesOf, overTime, phasePlane, samplesOf, SHOWN, stale } from "./series.js";
@@ -96,7 +96,7 @@ async function show() {
   $("subtitle").textContent = `${motionText(problem.motion)} · ${bodyText(problem.body)} · computed ${ago(solution.created_at)}`;
   const { tolerances } = solution.stability?.trusted_time ? await get("v1/accuracy") : { tolerances: {} };
   fill($("facts"), factsOf(solution, tolerances));
-  fill($("warnings"), (solution.warnings ?? []).map((warning) => h("p", { class: "notice" }, warning.message ?? String(warning))));
+  fill($("warnings"), [knownCases(solution.known_cases), ...(solution.warnings ?? []).map((warning) => h("p", { class: "notice" }, warning.message ?? String(warning)))]);
   fill($("provenance"), Object.entries({ ...solution.provenance, solution: solution.id, job: solution.job }).map(([name, value]) =>
     h("div", {}, h("dt", {}, name), h("dd", {}, String(value)))));
   $("problem").textContent = JSON.stringify(problem, null, 2);

@@ -8,7 +8,7 @@ from pydantic import Field
 from service.dynamics.bounds import ErrorKind
 from service.schemas.replies.job import ClusterOut, StateName
 from service.schemas.replies.response_model import ResponseModel
-from service.schemas.replies.verdict import NoticeOut
+from service.schemas.replies.verdict import KnownCaseOut, NoticeOut
 
 
 class EstimateOut(ResponseModel):
@@ -215,6 +215,9 @@ class SolutionOut(ResponseModel):
     )
     warnings: list[NoticeOut] = Field(description="Warnings about the solution; often empty.")
     conventions: list[str] = Field(description="Conventions chosen where the equations leave a choice.")
+    known_cases: list[KnownCaseOut] = Field(
+        description="Cases with names that the body and the field are; empty for those of earlier versions."
+    )
     evidence: dict[str, float | int | str] = Field(
         description="What the solver measured about itself. With a function of time also `defect`, a bound of"
         " what it leaves of the equations of motion, integrated; `drift`, the largest departure of the"
