@@ -126,7 +126,7 @@ def test_a_power_of_a_part_that_vanishes_anywhere_is_a_zero_of_its_order(u, orde
     ],
 )
 def test_parts_that_vanish_at_one_number_make_one_zero_of_it(G, at):
-    """By the rules of the field: exp(g2) − exp(sin(1/3)) is 0 where g2 is sin(1/3)."""
+    """The field has such rules: exp(g2) − exp(sin(1/3)) is 0 where g2 is sin(1/3)."""
     (found,) = windows(G)
     assert ends([found]) == [pytest.approx((at, 1.0), abs=1e-12)]
     assert found.kind == "separatrix"
