@@ -132,7 +132,6 @@ def search_integrals(
     *,
     areas_zero: bool = False,
     is_late: Callable[[], bool] = lambda: False,
-    report: Callable[[float], None] = lambda _: None,
 ) -> IntegralSearch:
     """Return all polynomial integrals up to the degrees, for all letters and where there are more.
 
@@ -144,8 +143,6 @@ def search_integrals(
         Upper bounds of the degrees in p, q, r and in g1, g2, g3, of some form of the integral on |γ| = 1.
     areas_zero
         Look for what is constant where I3 = 0.
-    report
-        Gets the part that is done, from 0 to 1.
 
     Raises
     ------
@@ -153,24 +150,23 @@ def search_integrals(
         The potential is no polynomial in g1, g2, g3.
     SearchTooLargeError
         More unknowns than are solved for.
+    TimeoutError
+        It was late before those for all values of the letters were found.
     """
     search = _Search.of(setting, omega_degree, gamma_degree, areas_zero)
-    generic = search.integrals_on(EVERYWHERE)
-    report(0.3)
+    generic = search.integrals_on(EVERYWHERE, is_late)
     strata, is_complete = list[Stratum](), True
-    for number, block in enumerate(search.blocks if search.letters.ring.nvars() else ()):
+    for block in search.blocks if search.letters.ring.nvars() else ():
         try:
             strata += special_strata(block.rows, search.letters, is_late)
         except TimeoutError:
             is_complete = False
-        report(0.3 + 0.5 * (number + 1) / len(search.blocks))
     special = list[SpecialIntegrals]()
     for each in search.special(strata, len(generic), is_late):
         if each is None:
             is_complete = False
         else:
             special.append(each)
-    report(1.0)
     return IntegralSearch(tuple(generic), tuple(special), len(search.monomials), is_complete)
 
 
@@ -223,12 +219,13 @@ class _Search:
             )
         return cls(field_, letters, monomials, blocks, has_zero_areas, list(candidates(field_)))
 
-    def integrals_on(self, stratum: Stratum) -> list[FoundIntegral]:
-        """Return the integrals on a stratum, by rising degree."""
+    def integrals_on(self, stratum: Stratum, is_late: Callable[[], bool]) -> list[FoundIntegral]:
+        """Return the integrals on a stratum, by rising degree; raises TimeoutError if it is late."""
         vectors: list[tuple[int, Row]] = []
         for block in self.blocks:
             rows = [row for row in map(stratum.apply, block.rows) if row]
-            for vector in echelon(kernel(rows, len(block.places), self.letters), self.letters):
+            solved = kernel(rows, len(block.places), self.letters, is_late)
+            for vector in echelon(solved, self.letters):
                 whole = {block.places[place]: entry for place, entry in vector.items()}
                 vectors.append((max(whole), whole))
         vectors.sort(key=lambda each: self._order(each[0]))
@@ -288,7 +285,12 @@ class _Search:
             independent = self.independent_on(stratum)
             has_more = independent is None or independent > max([generic, *wider])
             if stratum.unresolved is None and has_more:
-                found.append((stratum, SpecialIntegrals(texts, tuple(self.integrals_on(stratum)))))
+                try:
+                    integrals = self.integrals_on(stratum, is_late)
+                except TimeoutError:
+                    yield None
+                    return
+                found.append((stratum, SpecialIntegrals(texts, tuple(integrals))))
                 yield found[-1][1]
             # Moments and coefficients may be multiplied by one number: with one letter left it is one case.
             is_one_case = len(stratum.conditions) + 1 >= self.letters.ring.nvars()

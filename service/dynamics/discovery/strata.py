@@ -134,6 +134,7 @@ class _Work:
     nonzero: list[fmpz_mpoly] = field(default_factory=list)
     conditions: list[fmpz_mpoly] = field(default_factory=list)
     """To be applied before elimination goes on."""
+    is_late: Callable[[], bool] = lambda: False
     positive: list[fmpz_mpoly] = field(default_factory=list)
     """Polynomials that are > 0, since letters that were replaced are."""
     is_generic: bool = False
@@ -152,14 +153,22 @@ class _Work:
         return replace(self, **{**copies, **changes})  # type: ignore[arg-type]
 
 
-def kernel(rows: Sequence[Row], width: int, letters: Letters) -> list[Row]:
+def kernel(
+    rows: Sequence[Row], width: int, letters: Letters, is_late: Callable[[], bool] = lambda: False
+) -> list[Row]:
     """Return a basis of the columns x with rows · x = 0, over the field of rational functions.
 
     Its entries are polynomials; it is one for all values of the letters but some.
+
+    Raises
+    ------
+    TimeoutError
+        It is late.
     """
     if not letters.ring.nvars():
         return _number_kernel(rows, width, letters.ring)
-    work = _Work(letters, EVERYWHERE, [primitive(row) for row in rows if row], is_generic=True)
+    made = [primitive(row) for row in rows if row]
+    work = _Work(letters, EVERYWHERE, made, is_generic=True, is_late=is_late)
     _eliminate(work)
     return _solutions(work.pivots, width, letters.ring)
 
@@ -174,11 +183,9 @@ def special_strata(
     TimeoutError
         It is late, and there may be more.
     """
-    first = _Work(letters, EVERYWHERE, [row for row in rows if row])
+    first = _Work(letters, EVERYWHERE, [row for row in rows if row], is_late=is_late)
     waiting, generic = [first], -1
     while waiting:
-        if is_late():
-            raise TimeoutError
         for settled in _settled(waiting.pop()):
             if isinstance(settled, Stratum):
                 yield settled
@@ -235,7 +242,7 @@ def _solved(work: _Work, factor: fmpz_mpoly, solved: Substitution, later: list[f
     deeper = Stratum((*stratum.conditions, factor), (*stratum.substitutions, solved))
     rows = [row for row in map(solved.apply, work.rows) if row]
     pivots = [(column, solved.apply(row)) for column, row in work.pivots]
-    return [_Work(work.letters, deeper, rows, pivots, known, later, positive)]
+    return [_Work(work.letters, deeper, rows, pivots, known, later, work.is_late, positive)]
 
 
 def _solved_for(factor: fmpz_mpoly, letters: Letters) -> Substitution | None:
@@ -257,6 +264,8 @@ def _eliminate(work: _Work) -> list[_Work]:
     """Eliminate until no row is left; return what remains to be done where a pivot is 0."""
     branches: list[_Work] = []
     while work.rows:
+        if work.is_late():
+            raise TimeoutError
         number, column, factors = _next_pivot(work)
         for factor in factors:
             branches.append(work.but_with(conditions=[factor]))
