@@ -338,9 +338,13 @@ def certified_samples(problem: Problem) -> tuple[Motion, Certified, dict[str, Fl
             )
     parts = parts_for(problem.accuracy.bits)
     rows = [[split(ball, parts) for ball in state] for state in enclosed.states]
-    first = np.array([[doubles[0] for doubles, _ in row] for row in rows])
+    first = np.array([[doubles[0] for doubles, _ in row[: len(COLUMNS)]] for row in rows])
     proven = replace(_with_samples(problem, motion, enclosed, first), conventions=enclosed.conventions)
-    return proven, enclosed, {**_enclosed_columns(rows, parts), **_times(enclosed, motion, parts)}
+    return (
+        proven,
+        enclosed,
+        {**_enclosed_columns(enclosed.columns, rows, parts), **_times(enclosed, motion, parts)},
+    )
 
 
 def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
@@ -417,7 +421,7 @@ def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples
         (
             _error(ball, double)
             for state, row in zip(enclosed.states, samples.tolist(), strict=True)
-            for ball, double in zip(state, row, strict=True)
+            for ball, double in zip(state[: len(COLUMNS)], row, strict=True)
         ),
     )
     proven = replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error)
@@ -426,9 +430,15 @@ def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples
     return with_samples_raised(problem.body, problem.potential, proven)
 
 
-def _enclosed_columns(rows: list[list[tuple[list[float], float]]], parts: int) -> dict[str, FloatArray]:
+def _enclosed_columns(
+    names: tuple[str, ...], rows: list[list[tuple[list[float], float]]], parts: int
+) -> dict[str, FloatArray]:
+    """Return the further parts and the radii; of the attitude the first parts too, which no motion has."""
     columns: dict[str, FloatArray] = {}
-    for index, name in enumerate(COLUMNS):
+    for index, internal in enumerate(names):
+        name = internal.removeprefix("local_")
+        if index >= len(COLUMNS):
+            columns[name] = np.array([row[index][0][0] for row in rows])
         for part in range(1, parts):
             columns[f"{name}.{part}"] = np.array([row[index][0][part] for row in rows])
         columns[f"{name}.{RADIUS}"] = np.array([row[index][1] for row in rows])

@@ -247,7 +247,10 @@ class EnclosuresOut(ResponseModel):
         description="Balls that contain the exact times, to which the columns belong: those of the problem;"
         " of times in periods, the multiples of the true period."
     )
-    columns: dict[str, list[EnclosureOut]] = Field(description="p, q, r, g1, g2, g3.")
+    columns: dict[str, list[EnclosureOut]] = Field(
+        description="p, q, r, g1, g2, g3; of motions proven by steps also q0 to q3, psi1 and psi3, if the"
+        " outputs ask for the orientation."
+    )
 
 
 class HealthOut(ResponseModel):
