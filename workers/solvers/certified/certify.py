@@ -1,7 +1,7 @@
 """Solves a periodic planar motion with a proof of every digit."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
 from math import floor
@@ -48,6 +48,10 @@ class Certified:
     method: EnclosureMethod
     conventions: tuple[str, ...] = ()
     """Choices made where the equations leave one, as of :class:`~service.dynamics.motion.Motion`."""
+    areas: arb = field(default_factory=arb)
+    """The areas integral, 0 of planar motions."""
+    geometric: arb = field(default_factory=partial(arb, 1))
+    """γ·γ, 1 of planar motions."""
     columns: tuple[str, ...] = COLUMNS
     """The names of what ``states`` have: after the six variables those of the attitude, if it is proven."""
 

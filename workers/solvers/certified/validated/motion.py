@@ -74,9 +74,21 @@ def prove_motion(
     else:
         found = enclose(system, start, instants, bits, watch=watch)
     with ctx.workprec(found.precision):
-        energy = energy_of(body, potential.tape, start())
-    exact = tuple(map(ball, instants))
-    certified = Certified(None, energy, found.states, exact, bits, "steps", columns=columns)
+        state = start()
+        energy = energy_of(body, potential.tape, state)
+        rates = [ball(moment) * rate for moment, rate in zip((body.A, body.B, body.C), state, strict=False)]
+        areas, geometric = _dot(rates, state[3:6]), _dot(state[3:6], state[3:6])
+    certified = Certified(
+        None,
+        energy,
+        found.states,
+        tuple(map(ball, instants)),
+        bits,
+        "steps",
+        areas=areas,
+        geometric=geometric,
+        columns=columns,
+    )
     dense = function_of_time(found, columns)
     times = sample_times(problem.time, None)
     samples = np.array([[float(value) for value in state[: len(COLUMNS)]] for state in found.states])
@@ -142,6 +154,10 @@ def energy_of(body: RigidBody, potential: Tape, state: Sequence[arb]) -> arb:
     squares = zip((body.A, body.B or Fraction(0), body.C), state, strict=False)
     kinetic = sum((ball(moment / 2) * rate * rate for moment, rate in squares), arb(0))
     return kinetic + potential.evaluate(BallAlgebra(), state[3:6])
+
+
+def _dot(left: Sequence[arb], right: Sequence[arb]) -> arb:
+    return sum((x * y for x, y in zip(left, right, strict=True)), arb(0))
 
 
 def function_of_time(found: Enclosure, columns: tuple[str, ...]) -> DenseOutput:
