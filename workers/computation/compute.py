@@ -32,7 +32,7 @@ from service.local.worker_process import why_no_folder
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
 from service.schemas.problem.trusted import trusted_problem
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document, Part
 from service.schemas.replies.summary import SolutionSummary
 from service.settings import Settings
 from service.storage.codecs.packing import encode_arrays, encode_dense
@@ -195,7 +195,10 @@ def _solve_in(
 
 def _refused(document: object, fault: DynamicsError) -> Refused:
     pointer = place_sent(document, fault.pointer)
-    return Refused({"code": fault.code, "detail": fault.message, "pointer": pointer})
+    error: Document = {"code": fault.code, "detail": fault.message, "pointer": pointer}
+    if isinstance(fault, AccuracyNotMetError) and fault.accepted:
+        error["accepted"] = dict(fault.accepted)
+    return Refused(error)
 
 
 def solve_checked(
@@ -446,7 +449,7 @@ def _rounded(period: arb) -> Period:
     """Return a ball as the sum of two doubles and a bound."""
     hi = float(period)
     lo = float(period - arb(hi))
-    return Period(hi, lo, float(abs(period - arb(hi) - arb(lo)).abs_upper()))
+    return Period(hi, lo, float(abs(period - arb(hi) - arb(lo)).abs_upper()), "theorem")
 
 
 def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples: FloatArray) -> Motion:
@@ -458,7 +461,7 @@ def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples
             for ball, double in zip(state[: len(COLUMNS)], row, strict=True)
         ),
     )
-    proven = replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error)
+    proven = replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error, samples_kind="theorem")
     if enclosed.method == "steps":
         return proven
     return with_samples_raised(problem.body, problem.potential, proven)

@@ -168,7 +168,7 @@ def _proven_orientation(dense: DenseOutput) -> Orientation:
     notices = tuple(
         f"{name} is left out: the axis {name[-1]} of the body becomes vertical" for name in missing
     )
-    return Orientation(dense, None, notices)
+    return Orientation(dense, None, notices, "theorem")
 
 
 def _missed(problem: Problem, motion: Motion, attitude: DenseOutput) -> tuple[str, GroupError] | None:
@@ -242,7 +242,7 @@ def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
         trace = transverse_stability(motion.lambda_squared, body.B / body.C).trace
         value = float(trace)
         error = float(abs(trace - value).abs_upper()) if isfinite(value) else value
-        return Estimate(value, error) if isfinite(error) else None
+        return Estimate(value, error, "theorem") if isfinite(error) else None
 
 
 def _further(problem: Problem, motion: Motion) -> tuple[FurtherDrift, ...]:
