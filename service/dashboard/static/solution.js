@@ -32,7 +32,7 @@ function factsOf(solution) {
     drift.length ? fact("Drift", drift.map(([name, value], k) => [k ? ", " : "", `${name} `, h("span", { class: "value" }, number(value.drift, 2))]).flat()) : null,
     precession ? fact("Precession ψ in a period", measured(precession.psi1), known("precession.psi1")) : null,
     stability ? fact("In its plane it is", h("span", { class: "value" }, stability.verdict), h("span", { class: "error" },
-      ` trace ${number(stability.trace, 8)} ± ${number(stability.error, 2)}`), known("stability")) : null,
+      " trace "), measured(stability.trace.value === undefined ? { value: stability.trace, error: stability.error } : stability.trace), known("stability")) : null,
     stability?.trusted_time ? fact("Numerical integration is reliable until", h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`)) : null,
     check ? fact("Second method", `${check.method} ${check.agrees ? "agrees" : "disagrees"}`, h("span", { class: "error" }, ` within ${number(check.disagreement, 2)}`)) : null,
     fact("Method", `${solution.method}, tier ${solution.tier}`, h("span", { class: "error" }, ` ${number(solution.cost.compute_seconds, 2)} s`)),

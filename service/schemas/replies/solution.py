@@ -61,6 +61,16 @@ class DriftOut(ResponseModel):
     """The largest deviation of an integral from its value, over the requested samples."""
 
     drift: float = Field(description="Largest absolute departure.")
+    value: str | None = Field(
+        default=None,
+        exclude_if=lambda value: value is None,
+        description="In the tier certified the integral itself: the middle of an enclosure, a decimal.",
+    )
+    radius: str | None = Field(
+        default=None,
+        exclude_if=lambda radius: radius is None,
+        description="Proven bound of its distance from the value.",
+    )
 
 
 class FurtherIntegralOut(ResponseModel):
@@ -77,17 +87,22 @@ class FurtherIntegralOut(ResponseModel):
 
 
 class PrecessionOut(ResponseModel):
-    """Growth of the azimuths of two body axes about the space axis in one period."""
+    """Growth of the azimuths of two body axes about the space axis in one period.
 
-    psi1: EstimateOut = Field(description="Of the first principal axis; radians.")
-    psi3: EstimateOut = Field(description="Of the third principal axis; radians.")
+    Enclosures in the tier certified.
+    """
+
+    psi1: EstimateOut | EnclosureOut = Field(description="Of the first principal axis; radians.")
+    psi3: EstimateOut | EnclosureOut = Field(description="Of the third principal axis; radians.")
 
 
 class StabilityOut(ResponseModel):
     """Whether small disturbances leave the plane of the motion."""
 
-    trace: float = Field(description="μ + 1/μ over the period of the six variables.")
-    error: float = Field(description="Of the trace.")
+    trace: float | EnclosureOut = Field(
+        description="μ + 1/μ over the period of the six variables; an enclosure in the tier certified."
+    )
+    error: float = Field(description="Of the trace, or of the double nearest to an enclosed one.")
     multipliers: tuple[tuple[float, float], tuple[float, float]] = Field(
         description="μ and 1/μ as [real, imaginary]."
     )
