@@ -1,7 +1,6 @@
 """What became of the claims of many random problems: counted, kept in a file, and gone on with."""
 
 import json
-import os
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
@@ -50,6 +49,8 @@ class Tally:
     """Smallest claimed/actual."""
     ratios: dict[str, Counter[str]] = field(default_factory=lambda: {name: Counter() for name in CLAIMS})
     """How often floor(log10(claimed/actual)) was seen."""
+    seconds: float = 0.0
+    """Time of the processor that it took, comparing included."""
 
     def count(self, claim: str, claimed: float, actual: float) -> None:
         """Count one claim and what it claims the bound of."""
@@ -63,6 +64,7 @@ class Tally:
     def add(self, other: "Tally") -> None:
         """Count what another has counted."""
         self.solved += other.solved
+        self.seconds += other.seconds
         self.refused += other.refused
         self.exceeded += other.exceeded
         for name, ratio in other.smallest.items():
@@ -118,13 +120,9 @@ def family_of(index: int) -> Family:
 
 
 def measure(
-    record: Record,
-    count: int,
-    seconds: float,
-    keep: Callable[[Record], None],
-    processes: int | None = None,
+    record: Record, count: int, seconds: float, keep: Callable[[Record], None], processes: int
 ) -> None:
-    """Go on, on ``processes`` or all processors, until problem ``count`` or for so many seconds.
+    """Go on, in so many processes, until problem ``count`` or until so many seconds have passed.
 
     ``keep`` is called with the record whenever some more are counted.
     """
@@ -132,7 +130,7 @@ def measure(
     running: deque[Future[Record]] = deque()
     with ProcessPoolExecutor(processes) as pool:
         while True:
-            while len(running) < 2 * (processes or os.cpu_count() or 1) and asked < count:
+            while len(running) < 2 * processes and asked < count:
                 if time.perf_counter() - began > seconds:
                     break
                 following = min(count, asked + TOGETHER)
@@ -172,6 +170,7 @@ def _measure_one(record: Record, index: int, draws: np.random.Generator) -> None
     record.drawn[f"{family}: {case.about}"] += 1
     for tier in TIERS:
         tally = record.tallies[f"{tier} {family}"]
+        began = time.process_time()
         try:
             claims = _claims(case, tier)
         except DynamicsError as refusal:
@@ -182,6 +181,8 @@ def _measure_one(record: Record, index: int, draws: np.random.Generator) -> None
             tally.refused[type(fault).__name__] += 1
             _tell(record, f"{type(fault).__name__}: {fault}", case, tier)
             continue
+        finally:
+            tally.seconds += time.process_time() - began
         tally.solved += 1
         for claim in claims:
             tally.count(claim.name, claim.claimed, claim.actual)
@@ -231,6 +232,7 @@ def load(path: Path, seed: int, subject: Subject) -> Record:
             Counter(tally["exceeded"]),
             tally["smallest"],
             {claim: Counter(powers) for claim, powers in tally["ratios"].items()},
+            tally["seconds"],
         )
         for name, tally in read.pop("tallies").items()
     }

@@ -84,12 +84,13 @@ The first {done} problems of the seed {seed}, in {minutes:.0f} minutes, numerics
 g1 = g3 = 0, with A/C or C/A between 1.01 and 100, of |g1| to the power that keeps p constant, of the first
 three homogeneous terms, and of the rational terms up to a_2 and c_2; the rest is as above. Next to a pole
 that is passed without smoothness the function of time has a wide claim of its own, since variables grow there
-like a root of the time; samples are then rounded enclosures, which claim what they miss. As there, the
-reference has {bits} bits, times go up to {latest:.0f} periods, and starts are as near to an end as
-1e{smallest:.0f}.
+like a root of the time; samples are then rounded enclosures, which claim what they miss; they are of 64 bits.
+The reference has {bits}, made anew; times go up to {latest:.0f} periods, and starts are as near to an end as
+1e{smallest:.0f}. Seconds of the processor are those of an answer, in one process that remembers the way
+through the poles.
 
-| tier | family | asked | solved | refused | exceeded | smallest | median |
-| --- | --- | --- | --- | --- | --- | --- | --- |"""
+| tier | family | asked | solved | refused | exceeded | smallest | median | seconds |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
 """Its section about motions through poles, up to the rows of the table."""
 
 SMOOTH = """## Smooth potentials
@@ -103,8 +104,8 @@ median the power of ten in which its median lies. Samples that are rounded enclo
 ratio of 1; they are of 64 bits, and the reference is made anew in 128. The verdict is not asked: all
 potentials are admissible by their making.
 
-| tier | family | asked | solved | refused | exceeded | smallest | median |
-| --- | --- | --- | --- | --- | --- | --- | --- |"""
+| tier | family | asked | solved | refused | exceeded | smallest | median | seconds |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
 
 STATES = """## Motions from states next to unstable ones
 
@@ -116,8 +117,8 @@ backwards. Whoever passes an unstable motion, leaves it and passes it again mult
 way. References are power series in integers of 160 bits (`tests/support/fixed_point.py`), from the exact
 state. Smallest and median as above.
 
-| tier | kind | asked | solved | refused | exceeded | smallest | median |
-| --- | --- | --- | --- | --- | --- | --- | --- |"""
+| tier | kind | asked | solved | refused | exceeded | smallest | median | seconds |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
 
 MOTIONS = """## Motions of every sort, attitudes and multipliers
 
@@ -134,5 +135,5 @@ for attitudes with q' = q ω / 2, for multipliers with the equations of variatio
 the exact state, or a proven one of 150 bits; of the classical cases from the state that the service places.
 Samples are those of a job, documents and all.
 
-| tier | kind | asked | solved | refused | exceeded | smallest | median |
-| --- | --- | --- | --- | --- | --- | --- | --- |"""
+| tier | kind | asked | solved | refused | exceeded | smallest | median | seconds |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |"""

@@ -19,6 +19,7 @@ from tests.support.examinations import examination_of
 from tests.support.hostile_documents import Document, draw
 from tests.support.hostile_motions import BITS, TrueMotion, TrueWindow, motion_of, setting_of
 from tests.support.hostile_reference import UnknownError
+from workers.computation.compiled_code import keep_compiled_code
 from workers.computation.compute import as_solved, certified_samples, solve
 
 SAME = 1e-11
@@ -96,6 +97,8 @@ def limited(seconds: float, function: Callable[..., str], *arguments: object) ->
     def stop(number: int, frame: object) -> None:
         raise _TimeLimitError
 
+    # Without this every child compiles the kernels anew.
+    keep_compiled_code()
     before = signal.signal(signal.SIGPROF, stop)
     began = time.process_time()
     signal.setitimer(signal.ITIMER_PROF, seconds)

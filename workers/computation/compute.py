@@ -31,7 +31,7 @@ from service.local.worker_process import why_no_folder
 from service.schemas.problem.budgets import choose_tier, window_of, with_tier
 from service.schemas.problem.problem import place_sent, read_problem
 from service.schemas.problem.trusted import trusted_problem
-from service.schemas.reading.documents import Part
+from service.schemas.reading.documents import Document, Part
 from service.schemas.replies.summary import SolutionSummary
 from service.storage.codecs.packing import encode_arrays, encode_dense
 from service.storage.solutions.shipped_accuracy import shipped_table
@@ -189,7 +189,10 @@ def _solve_in(
 
 def _refused(document: object, fault: DynamicsError) -> Refused:
     pointer = place_sent(document, fault.pointer)
-    return Refused({"code": fault.code, "detail": fault.message, "pointer": pointer})
+    error: Document = {"code": fault.code, "detail": fault.message, "pointer": pointer}
+    if isinstance(fault, AccuracyNotMetError) and fault.accepted:
+        error["accepted"] = dict(fault.accepted)
+    return Refused(error)
 
 
 def solve_checked(

@@ -9,6 +9,7 @@ from flint import arb
 
 from service.dynamics.accuracy import GroupError
 from service.dynamics.bounds import ErrorKind, printed_error
+from service.dynamics.discovery.cases import known_cases
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.motion import Asymptote, CrossCheck, Estimate, Motion
 from service.dynamics.numerics import NUMERICS
@@ -52,6 +53,7 @@ def summarise(
     window, orientation = motion.window, outputs.orientation
     precession = None if orientation is None else orientation.precession
     invariants, beyond = _invariants(outputs)
+    known = known_cases(problem.body, problem.potential)
     return {
         "problem": document,
         "method": motion.method,
@@ -77,6 +79,7 @@ def summarise(
         else _stability(outputs.stability, outputs.closed_trace),
         "precession": None if precession is None else _precession(outputs, precession),
         "conventions": motion.conventions,
+        "known_cases": [{"name": each.name, "source": each.source} for each in known],
         "warnings": [_notice(notice) for notice in (*outputs.notices, *beyond)],
         "evidence": _evidence(problem, motion),
         "provenance": provenance(),

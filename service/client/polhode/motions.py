@@ -124,7 +124,7 @@ class Motion(Generic[CarrierT]):
 
     @property
     def error_kind(self) -> Mapping[str, str]:
-        """How each error is known, by the path of its number: ``theorem``, ``estimate`` or ``difference``.
+        """The kind of each error by the path of its number: ``theorem``, ``estimate`` or ``difference``.
 
         ``samples`` are those of the problem, ``function`` any others; empty of solutions of earlier versions.
         """
@@ -337,7 +337,7 @@ class Motion(Generic[CarrierT]):
         facts = {
             "period": self.period or self.aperiodic,
             "energy": self.energy,
-            "error": error,
+            "claimed error": error,
             "problem": _in_words(self.problem),
             "method": f"{self.method}, {self.tier}",
             "id": self.id,

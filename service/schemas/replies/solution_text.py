@@ -96,6 +96,8 @@ def describe_solution(summary: Part) -> Iterator[str]:
         verdict = "agrees" if check["agrees"] else "DISAGREES"
         extent = f"within {check['disagreement']:.1e} up to t = {check['horizon']:.6g}"
         yield f"cross-check {verdict} with {check['method']} {extent}"
+    for case in summary.get("known_cases", ()):
+        yield f"known case  {case['name']} ({case['source']})"
     for convention in summary["conventions"]:
         yield f"convention  {convention}"
     for warning in warnings:

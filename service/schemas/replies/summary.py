@@ -122,6 +122,13 @@ class CostSummary(TypedDict):
     examination_seconds: NotRequired[float]
 
 
+class KnownCaseSummary(TypedDict):
+    """A case that has a name, and who found it."""
+
+    name: str
+    source: str
+
+
 class SolutionSummary(TypedDict):
     """A solution without ids, labels and arrays; older ones lack what was added later."""
 
@@ -141,6 +148,7 @@ class SolutionSummary(TypedDict):
     stability: StabilitySummary | None
     precession: PrecessionSummary | None
     conventions: Sequence[str]
+    known_cases: NotRequired[Sequence[KnownCaseSummary]]
     warnings: Sequence[NoticeSummary]
     evidence: Mapping[str, float | int | str]
     provenance: NotRequired[ProvenanceSummary]

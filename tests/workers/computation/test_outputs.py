@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from service.jobs.records import Refused, Solved
+from service.schemas.replies.solution_text import describe_solution
 from service.storage.codecs.packing import decode_arrays
 from workers.computation.compute import solve_document
 
@@ -35,6 +36,12 @@ def test_nothing_is_computed_that_is_not_asked():
     assert [summary[name] for name in ("invariants", "stability", "precession", "warnings")] == [None] * 3 + [
         []
     ]
+
+
+def test_a_solution_says_which_known_case_its_problem_is():
+    summary = solve("-g1", outputs=()).summary
+    assert [each["name"] for each in summary["known_cases"]] == ["kovalevskaya", "bobylev_steklov"]
+    assert "known case  kovalevskaya (S. Kovalevskaya, 1889)" in list(describe_solution(summary))
 
 
 @pytest.mark.parametrize("method", ["auto", "integration"])

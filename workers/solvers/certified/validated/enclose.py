@@ -49,7 +49,7 @@ SHORTEST = Fraction(1, 2**34)
 
 
 @dataclass(frozen=True, slots=True)
-class Neighbourhood:
+class ProvenSet:
     """The set m + 2^−precision Q·box, and the derivative of the flow from t = 0: C + Q·D, |D| bounded."""
 
     middle: tuple[arb, ...]
@@ -74,7 +74,7 @@ class ProvenStretch:
     """A proven step and the set from which it starts."""
 
     step: ProvenStep
-    start: Neighbourhood
+    start: ProvenSet
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,7 +227,7 @@ def _trajectory(
             f"its state at t = 0 is not known to {bits} bits", pointer="/accuracy/bits"
         )
     unit = arb(2) ** -ctx.prec
-    here = Neighbourhood(
+    here = ProvenSet(
         tuple(value.mid() for value in balls),
         np.eye(count),
         np.array([upper(value.rad() / unit) if value.rad() > 0 else 0.0 for value in balls]),
@@ -252,7 +252,7 @@ def _trajectory(
 
 
 def _step(
-    system: Recorded, here: Neighbourhood, t: Fraction, end: Fraction, order: int, shorter: int
+    system: Recorded, here: ProvenSet, t: Fraction, end: Fraction, order: int, shorter: int
 ) -> ProvenStep:
     """Return the longest step whose proof is found by halving, at most to the end."""
     fault = StepTooLongError("steps become shorter and shorter")
@@ -289,7 +289,7 @@ def _image(step: ProvenStep, matrix: FloatArray, frame: FloatArray) -> tuple[Flo
     return matrix @ frame, UPWARDS * lost
 
 
-def _carried(step: ProvenStep, here: Neighbourhood) -> Neighbourhood:
+def _carried(step: ProvenStep, here: ProvenSet) -> ProvenSet:
     """Return the set at the end of a step."""
     unit = arb(2) ** -ctx.prec
     ends = [curve(arb(1)) for curve in step.curves]
@@ -304,7 +304,7 @@ def _carried(step: ProvenStep, here: Neighbourhood) -> Neighbourhood:
     flow_lost = (step.flow_error + ROUNDING * np.abs(step.flow).sum(axis=0)) @ np.abs(here.flow)
     box = _solved(frame, through @ here.box + np.abs(frame.T) @ added)
     flow_box = _solved(frame, through @ here.flow_box + np.abs(frame.T) @ flow_lost)
-    return Neighbourhood(middle, frame, box, flow, flow_box)
+    return ProvenSet(middle, frame, box, flow, flow_box)
 
 
 def _frame(sides: FloatArray) -> FloatArray:
