@@ -51,7 +51,6 @@ from workers.solvers.stability.monodromy import StabilityUndefinedError
 from workers.solvers.stability.proven import (
     classical_stability,
     planar_stability,
-    proven_integrals,
     proven_precession,
 )
 from workers.solvers.units import Units, speed_of, speed_of_state
@@ -90,8 +89,6 @@ class Outputs:
     """Largest departure from each relation of a classical case, by its name."""
     precession: tuple[arb, arb] | None
     """Enclosures of what ψ1 and ψ3 gain in a period, in the tier certified."""
-    integrals: Mapping[str, arb]
-    """Enclosures of the three integrals, in the tier certified."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,7 +113,7 @@ def compute_outputs(problem: Problem, motion: Motion, solved: InUnits) -> Output
     notices = list(problem.potential.notices)
     drifts, further, orientation = None, tuple[FurtherDrift, ...](), None
     stability, closed_trace, relations = None, None, dict[str, float]()
-    precession, integrals = None, dict[str, arb]()
+    precession = None
     if motion.enclosed_by is not None:
         between = motion.dense.error_at(motion.times)
         text = f"the samples are rounded from proven enclosures; between them errors are up to {between:.1e}"
@@ -126,11 +123,6 @@ def compute_outputs(problem: Problem, motion: Motion, solved: InUnits) -> Output
     if "invariants" in problem.outputs:
         drifts = measure_drifts(problem.body, problem.potential, motion)
         further = _further(problem, motion)
-        integrals = (
-            {}
-            if solved.proven is None
-            else proven_integrals(solved.problem, proven_start(solved.problem), solved.proven)
-        )
         if isinstance(problem.motion, ClassicalMotion):
             relations = relations_of(place_motion(problem)).drifts(motion.samples)
     if "orientation" in problem.outputs:
@@ -157,7 +149,6 @@ def compute_outputs(problem: Problem, motion: Motion, solved: InUnits) -> Output
         tuple(notices),
         relations,
         precession,
-        integrals,
     )
 
 

@@ -113,7 +113,8 @@ def error_kinds(motion: Motion, outputs: Outputs, certified: Certified | None) -
         kinds["stability"] = outputs.stability.proof
         if outputs.stability.enclosed is not None:
             kinds["stability.trace"] = "theorem"
-    kinds |= {f"invariants.{name}": "theorem" for name in outputs.integrals}
+    if outputs.drifts is not None and certified is not None:
+        kinds |= {f"invariants.{name}.value": "theorem" for name in asdict(outputs.drifts)}
     if outputs.closed_trace is not None:
         kinds["stability.closed_form_trace"] = outputs.closed_trace.kind
     return kinds
@@ -193,9 +194,6 @@ def _invariants(outputs: Outputs) -> tuple[Mapping[str, IntegralSummary] | None,
     integrals: dict[str, IntegralSummary] = {
         name: {"drift": drift} for name, drift in asdict(outputs.drifts).items()
     }
-    for name, ball in outputs.integrals.items():
-        value, radius = as_decimals(ball)
-        integrals[name] |= {"value": value, "radius": radius}
     for each in outputs.further:
         kind = each.integral.kind
         integrals[each.integral.name] = {"value": each.value, "drift": each.drift, "kind": kind}

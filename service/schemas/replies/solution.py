@@ -63,16 +63,6 @@ class DriftOut(ResponseModel):
     """The largest deviation of an integral from its value, over the requested samples."""
 
     drift: float = Field(description="Largest absolute departure.")
-    value: str | None = Field(
-        default=None,
-        exclude_if=lambda value: value is None,
-        description="In the tier certified the integral itself: the middle of an enclosure, a decimal.",
-    )
-    radius: str | None = Field(
-        default=None,
-        exclude_if=lambda radius: radius is None,
-        description="Proven bound of its distance from the value.",
-    )
 
 
 class FurtherIntegralOut(ResponseModel):

@@ -80,7 +80,7 @@ def describe_solution(summary: Part) -> Iterator[str]:
         yield f"relative    ≤ {', '.join(parts)}"
     for name, integral in (summary["invariants"] or {}).items():
         value = f" of {integral['value']!r} ({integral['kind']})" if "kind" in integral else ""
-        value = f" of {_estimate(integral)}" if "radius" in integral else value
+        value = f" of {_estimate(integral['value'])}" if isinstance(integral.get("value"), Mapping) else value
         yield f"{name + ' drift':<18}{integral['drift']:.1e}{value}"
     stability = summary["stability"]
     if stability is not None:

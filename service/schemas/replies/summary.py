@@ -53,8 +53,7 @@ class IntegralSummary(TypedDict):
     """The largest deviation of an integral, and of a further one its value."""
 
     drift: float
-    value: NotRequired[float | str]
-    radius: NotRequired[str]
+    value: NotRequired[float]
     kind: NotRequired[str]
 
 

@@ -25,7 +25,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.tape import Tape
-from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.problem import Problem
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, Period
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
@@ -145,20 +145,6 @@ def classical_stability(problem: Problem, origin: Origin) -> Stability:
         raise StabilityUndefinedError(text, pointer="/outputs") from fault
     found = proven_stability(turn, min(_tolerance(problem), TIER_TOLERANCES["draft"]))
     return found if problem.accuracy.tier == "certified" else replace(found, enclosed=None)
-
-
-def proven_integrals(problem: Problem, origin: Origin, proven: Certified) -> dict[str, arb]:
-    """Return the energy, γ·γ and the areas integral; the latter two are 1 and 0 for planar motions."""
-    if isinstance(problem.motion, PlanarMotion):
-        return {"energy": proven.energy, "geometric": arb(1), "areas": arb(0)}
-    body, start = origin
-    with ctx.workprec(2 * proven.bits):
-        state = start()
-        moments = [ball(moment) for moment in (body.A, body.require_B("the integrals"), body.C)]
-        terms = zip(moments, state[:3], state[3:], strict=True)
-        areas = sum((moment * w * g for moment, w, g in terms), arb(0))
-        square = sum((g * g for g in state[3:]), arb(0))
-        return {"energy": proven.energy, "geometric": square, "areas": areas}
 
 
 def proven_precession(

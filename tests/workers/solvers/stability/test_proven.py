@@ -112,18 +112,6 @@ def test_the_precession_is_enclosed():
     assert still["precession"]["psi1"] == {"value": "0", "radius": "0"}
 
 
-def test_the_integrals_are_enclosed():
-    state = {"type": "state", "omega": ["0.3", "0.2", "-0.5"], "gamma": ["0.6", "0", "0.8"]}
-    found = summary({"A": 2, "B": "3/2", "C": 1}, "-g1", state, ("invariants",), accuracy=CERTIFIED)
-    integrals = found["invariants"]
-    # (2 0.09 + 1.5 0.04 + 0.25)/2 − 0.6 and 2 0.3 0.6 − 0.5 0.8.
-    for name, value in (("energy", "-0.355"), ("areas", "-0.04"), ("geometric", "1")):
-        assert enclosed(integrals[name]).overlaps(ball(Fraction(value)))
-        assert Fraction(integrals[name]["radius"]) < Fraction(1, 10**17)
-        assert integrals[name]["drift"] < 1e-15
-        assert found["error_kind"][f"invariants.{name}"] == "theorem"
-
-
 def test_a_motion_that_does_not_close_has_no_multipliers():
     staude = document("staude", {"A": 3, "B": 2, "C": "3/2"}, {"a": 1, "b": "1/2", "c": "1/4"},
                       {"gamma": [1, -1, None]})  # fmt: skip
