@@ -20,6 +20,7 @@ from service.dynamics.equations.euler_poisson import areas_integral
 from service.dynamics.equations.orientation import (
     PRECESSION,
     QUATERNION,
+    has_orientation,
     orientation_columns,
     orientation_errors,
 )
@@ -167,6 +168,8 @@ def _orientation(problem: Problem, motion: Motion) -> Orientation:
     AccuracyNotMetError
         That of a finer motion does not keep it either.
     """
+    if has_orientation(motion.dense):
+        return _proven_orientation(motion.dense)
     orientation = _attitude(problem, motion)
     missed = _missed(problem, motion, orientation.dense)
     if missed is None:
@@ -183,6 +186,14 @@ def _orientation(problem: Problem, motion: Motion) -> Orientation:
     if missed is not None:
         raise AccuracyNotMetError(missed[1].absolute, problem.tolerance, group=missed)
     return orientation
+
+
+def _proven_orientation(dense: DenseOutput) -> Orientation:
+    missing = [name for name in PRECESSION if name not in dense.columns]
+    notices = tuple(
+        f"{name} is left out: the axis {name[-1]} of the body becomes vertical" for name in missing
+    )
+    return Orientation(dense, None, notices, "theorem")
 
 
 def _missed(problem: Problem, motion: Motion, attitude: DenseOutput) -> tuple[str, GroupError] | None:

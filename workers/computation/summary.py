@@ -52,7 +52,7 @@ def summarise(
     """Return the solution resource of the problem ``document`` without its ids and cost."""
     window, orientation = motion.window, outputs.orientation
     precession = None if orientation is None else orientation.precession
-    invariants, beyond = _invariants(outputs)
+    invariants, beyond = _invariants(outputs, certified)
     known = known_cases(problem.body, problem.potential)
     return {
         "problem": document,
@@ -187,13 +187,20 @@ def _enclosure(ball: arb) -> EnclosureSummary:
     return {"value": value, "radius": radius}
 
 
-def _invariants(outputs: Outputs) -> tuple[Mapping[str, IntegralSummary] | None, list[Notice]]:
+def _invariants(
+    outputs: Outputs, certified: Certified | None
+) -> tuple[Mapping[str, IntegralSummary] | None, list[Notice]]:
     """Return the integrals, and a warning that tells those whose numbers are beyond doubles."""
     if outputs.drifts is None:
         return None, []
     integrals: dict[str, IntegralSummary] = {
         name: {"drift": drift} for name, drift in asdict(outputs.drifts).items()
     }
+    if certified is not None:
+        for name, ball in zip(
+            integrals, (certified.energy, certified.geometric, certified.areas), strict=True
+        ):
+            integrals[name]["value"] = _enclosure(ball)
     for each in outputs.further:
         kind = each.integral.kind
         integrals[each.integral.name] = {"value": each.value, "drift": each.drift, "kind": kind}

@@ -65,6 +65,13 @@ class DriftOut(ResponseModel):
     drift: float = Field(description="Largest absolute departure.")
 
 
+class EnclosedIntegralOut(ResponseModel):
+    """An integral in the tier certified."""
+
+    value: EnclosureOut = Field(description="Its proven value, of the exact state.")
+    drift: float = Field(description="Largest absolute departure of the samples in doubles.")
+
+
 class FurtherIntegralOut(ResponseModel):
     """A further integral, which bodies with A = B = 2C or 4C may have.
 
@@ -195,7 +202,7 @@ class SolutionOut(ResponseModel):
         description="h, in the unit of moments over squared times; an enclosure in the tier certified."
     )
     window: WindowOut | None = Field(description="Of a planar motion.")
-    invariants: dict[str, FurtherIntegralOut | DriftOut] | None = Field(
+    invariants: dict[str, FurtherIntegralOut | EnclosedIntegralOut | DriftOut] | None = Field(
         description="If the outputs ask for them."
     )
     error: float = Field(description="Largest absolute error of any variable over the asked times.")
@@ -272,7 +279,10 @@ class EnclosuresOut(ResponseModel):
         description="Balls that contain the exact times, to which the columns belong: those of the problem;"
         " of times in periods, the multiples of the true period."
     )
-    columns: dict[str, list[EnclosureOut]] = Field(description="p, q, r, g1, g2, g3.")
+    columns: dict[str, list[EnclosureOut]] = Field(
+        description="p, q, r, g1, g2, g3; of motions proven by steps also q0 to q3, psi1 and psi3, if the"
+        " outputs ask for the orientation."
+    )
 
 
 class HealthOut(ResponseModel):

@@ -50,10 +50,10 @@ class AsymptotesSummary(TypedDict):
 
 
 class IntegralSummary(TypedDict):
-    """The largest deviation of an integral, and of a further one its value."""
+    """The largest deviation of an integral, and of a further or a proven one its value."""
 
     drift: float
-    value: NotRequired[float]
+    value: NotRequired[float | EnclosureSummary]
     kind: NotRequired[str]
 
 

@@ -6,7 +6,7 @@ the roundings of its coefficients and of its evaluation make together.
 
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import comb
 
 import numpy as np
@@ -14,6 +14,7 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.equations.orientation import LOCAL_QUATERNION, VERTICAL_ANGLE
 from service.dynamics.errors import MissingMomentError
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.tape import Tape
@@ -32,12 +33,14 @@ from workers.solvers.certified.validated.enclose import (
     enclose,
 )
 from workers.solvers.certified.validated.step import UPWARDS, upper
-from workers.solvers.certified.validated.system import EulerPoisson
+from workers.solvers.certified.validated.system import EulerPoisson, TurningBody
 
 FloatArray = NDArray[np.float64]
 
 KEPT = 2.0**-56
 """Terms of the function of time that are below this part of the largest one are left out."""
+AXES = {"psi1": 0, "psi3": 2}
+"""The axis of the body that each azimuth belongs to."""
 EVALUATION = 4
 """Roundings per term of a Chebyshev series that is evaluated by Clenshaw's recurrence, and its time's."""
 
@@ -63,15 +66,32 @@ def prove_motion(
     if body.B is None:
         raise MissingMomentError("an integration needs the moment B", pointer="/body/B")
     instants = exact_instants(problem.time) if problem.wants_series else []
-    system = EulerPoisson(body, potential.tape)
     bits = problem.accuracy.bits
-    found = enclose(system, start, instants, bits, watch=watch)
+    columns: tuple[str, ...] = COLUMNS
+    system = EulerPoisson(body, potential.tape)
+    if "orientation" in problem.outputs:
+        columns, found = _turning(system, start, instants, bits, watch)
+    else:
+        found = enclose(system, start, instants, bits, watch=watch)
     with ctx.workprec(found.precision):
-        energy = energy_of(body, potential.tape, start())
-    certified = Certified(None, energy, found.states, tuple(map(ball, instants)), bits, "steps")
-    dense = function_of_time(found)
+        state = start()
+        energy = energy_of(body, potential.tape, state)
+        rates = [ball(moment) * rate for moment, rate in zip((body.A, body.B, body.C), state, strict=False)]
+        areas, geometric = _dot(rates, state[3:6]), _dot(state[3:6], state[3:6])
+    certified = Certified(
+        None,
+        energy,
+        found.states,
+        tuple(map(ball, instants)),
+        bits,
+        "steps",
+        areas=areas,
+        geometric=geometric,
+        columns=columns,
+    )
+    dense = function_of_time(found, columns)
     times = sample_times(problem.time, None)
-    samples = np.array([[float(value) for value in state] for state in found.states])
+    samples = np.array([[float(value) for value in state[: len(COLUMNS)]] for state in found.states])
     motion = Motion(
         method="integration",
         dense=dense,
@@ -93,6 +113,44 @@ def prove_motion(
     return motion, certified
 
 
+def _turning(
+    system: EulerPoisson, start: Start, instants: Sequence[Fraction], bits: int, watch: Watch | None
+) -> tuple[tuple[str, ...], Enclosure]:
+    """Return the motion with its attitude, without the azimuths that axes lose by becoming vertical.
+
+    Raises
+    ------
+    CertifiedUnavailableError
+        As :func:`.enclose`, without any azimuth.
+    """
+    for names in (("psi1", "psi3"), ("psi1",), ("psi3",), ()):
+        axes = tuple(AXES[name] for name in names)
+        try:
+            found = enclose(
+                TurningBody(system, axes), partial(_with_attitude, start, axes), instants, bits, watch=watch
+            )
+        except CertifiedUnavailableError:
+            if not names:
+                raise
+        else:
+            return (*COLUMNS, *LOCAL_QUATERNION, *names), found
+    raise AssertionError
+
+
+def _with_attitude(start: Start, axes: tuple[int, ...]) -> tuple[arb, ...]:
+    """Return the state with the quaternion of :func:`.attitude` in balls, and azimuths of 0."""
+    state = tuple(start())
+    g1, g2, g3 = state[3:6]
+    tilt = (g2 * g2 + g3 * g3).sqrt()
+    if float(tilt) > VERTICAL_ANGLE:
+        turn, other, sign = arb.atan2(g2, g3) / 2, -arb.atan2(g1, tilt) / 2, -1
+    else:
+        side = (g1 * g1 + g3 * g3).sqrt()
+        turn, other, sign = arb.atan2(g2, side) / 2, arb.atan2(-g1, g3) / 2, 1
+    (s1, c1), (s2, c2) = turn.sin_cos(), other.sin_cos()
+    return (*state, c1 * c2, s1 * c2, c1 * s2, sign * s1 * s2, *(arb(0) for _ in axes))
+
+
 def energy_of(body: RigidBody, potential: Tape, state: Sequence[arb]) -> arb:
     """Return the ball of (A p² + B q² + C r²)/2 + V."""
     squares = zip((body.A, body.B or Fraction(0), body.C), state, strict=False)
@@ -100,8 +158,12 @@ def energy_of(body: RigidBody, potential: Tape, state: Sequence[arb]) -> arb:
     return kinetic + potential.evaluate(BallAlgebra(), state[3:6])
 
 
-def function_of_time(found: Enclosure) -> DenseOutput:
-    """Return the first six variables in doubles over all steps, with bounds of their errors."""
+def _dot(left: Sequence[arb], right: Sequence[arb]) -> arb:
+    return sum((x * y for x, y in zip(left, right, strict=True)), arb(0))
+
+
+def function_of_time(found: Enclosure, columns: tuple[str, ...]) -> DenseOutput:
+    """Return the variables, named ``columns``, in doubles over all steps, with bounds of their errors."""
     pieces = [
         (trajectory, stretch)
         for trajectory, order in ((found.backward, -1), (found.forward, 1))
@@ -125,13 +187,14 @@ def function_of_time(found: Enclosure) -> DenseOutput:
         axis=0,
     )
     coefficients = np.array([each[: degree + 1] for each in series], dtype=np.float64)
-    by_name = dict(zip(COLUMNS, (UPWARDS * errors).tolist(), strict=True))
-    return DenseOutput(COLUMNS, breaks, coefficients, None, max(by_name.values()), by_name)
+    by_name = dict(zip(columns, (UPWARDS * errors).tolist(), strict=True))
+    error = max(by_name[name] for name in COLUMNS)
+    return DenseOutput(columns, breaks, coefficients, None, error, by_name)
 
 
 def _radius(trajectory: ProvenTrajectory, stretch: ProvenStretch) -> FloatArray:
     unit = arb(2) ** -trajectory.precision
-    return np.array([upper(unit * width) for width in stretch.step.spread[: len(COLUMNS)].tolist()])
+    return np.array([upper(unit * width) for width in stretch.step.spread.tolist()])
 
 
 def _rounding(stretch: ProvenStretch, series: FloatArray, degree: int, latest: float) -> FloatArray:
@@ -151,7 +214,7 @@ def _rounding(stretch: ProvenStretch, series: FloatArray, degree: int, latest: f
 
 def _chebyshev(stretch: ProvenStretch) -> FloatArray:
     """Return the coefficients of Chebyshev polynomials on the piece, in the direction of time."""
-    curves = stretch.step.curves[: len(COLUMNS)]
+    curves = stretch.step.curves
     terms = np.zeros((max(curve.length() for curve in curves), len(curves)))
     for column, curve in enumerate(curves):
         terms[: curve.length(), column] = [float(c) for c in curve.coeffs()]
