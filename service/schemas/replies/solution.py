@@ -86,17 +86,22 @@ class FurtherIntegralOut(ResponseModel):
 
 
 class PrecessionOut(ResponseModel):
-    """Growth of the azimuths of two body axes about the space axis in one period."""
+    """Growth of the azimuths of two body axes about the space axis in one period.
 
-    psi1: EstimateOut = Field(description="Of the first principal axis; radians.")
-    psi3: EstimateOut = Field(description="Of the third principal axis; radians.")
+    Enclosures in the tier certified.
+    """
+
+    psi1: EstimateOut | EnclosureOut = Field(description="Of the first principal axis; radians.")
+    psi3: EstimateOut | EnclosureOut = Field(description="Of the third principal axis; radians.")
 
 
 class StabilityOut(ResponseModel):
     """Whether small disturbances leave the plane of the motion."""
 
-    trace: float = Field(description="μ + 1/μ over the period of the six variables.")
-    error: float = Field(description="Of the trace.")
+    trace: float | EnclosureOut = Field(
+        description="μ + 1/μ over the period of the six variables; an enclosure in the tier certified."
+    )
+    error: float = Field(description="Of the trace, or of the double nearest to an enclosed one.")
     multipliers: tuple[tuple[float, float], tuple[float, float]] = Field(
         description="μ and 1/μ as [real, imaginary]."
     )

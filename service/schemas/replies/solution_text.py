@@ -79,12 +79,16 @@ def describe_solution(summary: Part) -> Iterator[str]:
         parts = (f"{name} {error:.1e}" for name, error in groups.items() if error is not None)
         yield f"relative    ≤ {', '.join(parts)}"
     for name, integral in (summary["invariants"] or {}).items():
-        value = f" of {integral['value']!r} ({integral['kind']})" if "value" in integral else ""
+        value = f" of {integral['value']!r} ({integral['kind']})" if "kind" in integral else ""
+        value = f" of {_estimate(integral['value'])}" if isinstance(integral.get("value"), Mapping) else value
         yield f"{name + ' drift':<18}{integral['drift']:.1e}{value}"
     stability = summary["stability"]
     if stability is not None:
-        trace = f"trace {stability['trace']!r} ± {stability['error']:.1e}"
-        yield f"stability   {stability['verdict']}, {trace}{_kind(kinds, 'stability')}"
+        found = stability["trace"]
+        trace = _estimate(
+            found if isinstance(found, Mapping) else {"value": found, "error": stability["error"]}
+        )
+        yield f"stability   {stability['verdict']}, trace {trace}{_kind(kinds, 'stability')}"
     for name, angle in (summary.get("precession") or {}).items():
         yield f"precession  {name} {_estimate(angle)} a period{_kind(kinds, f'precession.{name}')}"
     check, warnings = summary["cross_check"], summary.get("warnings") or []
