@@ -37,7 +37,7 @@ def kept_claim(
         return None
     coefficients = np.ascontiguousarray(dense.coefficients)
     goal = max(TRUNCATION_SHARE * claim, MIN_TRUNCATION * float(np.abs(coefficients).max(initial=1.0)))
-    defect, drift = defect_and_drift(
+    defect, drift, settled = defect_and_drift(
         equations,
         coefficients,
         dense.breaks[1:] - dense.breaks[:-1],
@@ -46,7 +46,7 @@ def kept_claim(
         _reference(energy),
         energy.error,
     )
-    return ResidualEvidence(defect, drift, 1.0, claim) if is_within(defect, 2.0 * claim) else None
+    return ResidualEvidence(defect, drift, settled, claim) if is_within(defect, 2.0 * claim) else None
 
 
 def samples_keep_claim(

@@ -26,6 +26,10 @@ HIGHEST_DEGREE = 24
 """Highest degree of pieces; those of higher degree need more points than there are here."""
 DEEPEST = 8
 """Cuts of a piece into halves."""
+UNSETTLED_SHARE = 1e-12
+"""Share of the time, next to poles, on which F may have no bound."""
+SHORTEST_SHARE = 1e-14
+"""Share of the time below which a stretch is not cut any more: nearly a rounding of its times."""
 PARTS = 2
 OWN_ROUNDING = 2.0**-50
 """Rounding error of a state, relative to its size."""
@@ -218,10 +222,12 @@ def defect_and_drift(
     goal: float,
     reference: FloatArray,
     slack: float,
-) -> tuple[float, float]:
-    """Return the bound of |D| on the whole of all pieces, and the largest drift at the nodes.
+) -> tuple[float, float, float]:
+    """Return the bound of |D| on the whole of all pieces, the largest drift at the nodes, the settled share.
 
-    Both are NaN where a stretch is not settled, or an error ``claim`` does not explain what the integrals do.
+    The first two are NaN where more than UNSETTLED_SHARE of the time is not settled, as next to a pole where
+    F has no bound, or an error ``claim`` does not explain what the integrals do. D stays what it is on
+    stretches that are not settled.
     """
     code = equations.gradient.code
     registers, discs = new_registers(code, 1, WIDTH), new_registers(code, 2, 1)
@@ -230,7 +236,8 @@ def defect_and_drift(
     T, waiting = np.empty((HIGHEST_DEGREE + 1, 2)), np.empty((PARTS * DEEPEST + 1, 2))
     gained, lost, first, missing = np.zeros(6), np.zeros(6), np.empty(6), np.zeros(6)
     series, rate, integral = np.empty(COUNT), np.empty(COUNT), np.empty(COUNT + 1)
-    allowed = goal / lengths.sum()
+    whole, unsettled = lengths.sum(), 0.0
+    allowed = goal / whole
     # Where rates are of the size 1, a thinner ellipse leaves out too much.
     thinnest = 0
     while thinnest + 1 < len(RHOS) and not TAILS[thinnest] <= allowed:
@@ -253,8 +260,18 @@ def defect_and_drift(
                     is_settled = is_settled and TAILS[level] * bounds[a] <= allowed
                     is_bounded = is_bounded and bounds[a] < math.inf
             if not is_settled:
-                if half < 0.5 * PARTS ** (1.0 - DEEPEST):
-                    return math.nan, math.nan
+                if half < 0.5 * PARTS ** (1.0 - DEEPEST) or lengths[n] * half < SHORTEST_SHARE * whole:
+                    unsettled += lengths[n] * half
+                    if not unsettled <= UNSETTLED_SHARE * whole:
+                        return math.nan, math.nan, 0.0
+                    _states_at_nodes(coefficients[n], middle, half, states)
+                    for a in range(6):
+                        if is_first:
+                            first[a] = states[a, COUNT - 1]
+                        gained[a], rest = two_sum(gained[a], states[a, 0] - states[a, COUNT - 1])
+                        lost[a] += rest
+                    is_first = False
+                    continue
                 for k in range(PARTS):
                     waiting[left + k, 0] = middle + (PARTS - 1.0 - 2.0 * k) * half / PARTS
                     waiting[left + k, 1] = half / PARTS
@@ -264,7 +281,7 @@ def defect_and_drift(
             evaluate(equations, registers, states, rates, integrals, COUNT)
             is_good, far = are_explained(equations, discs, states, integrals, COUNT, claim, reference, slack)
             if not is_good:
-                return math.nan, math.nan
+                return math.nan, math.nan, 0.0
             drift = max(drift, far)
             time = 0.5 * lengths[n] * half
             for a in range(6):
@@ -285,10 +302,10 @@ def defect_and_drift(
                 tail = 2.0 * time * TAILS[level] * bounds[a]
                 size = abs(before) + within + tail + missing[a]
                 if not size < math.inf:
-                    return math.nan, math.nan
+                    return math.nan, math.nan, 0.0
                 defect = max(defect, size)
                 missing[a] += tail
                 gained[a], rest = two_sum(gained[a], step)
                 lost[a] += rest
             is_first = False
-    return defect, drift
+    return defect, drift, 1.0 - unsettled / whole
