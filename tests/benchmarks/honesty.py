@@ -22,20 +22,30 @@ from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from service.versions import version_of
 from tests.benchmarks.honesty_counts import MOST, SUBJECTS, TIERS, Record, Tally, load, measure
-from tests.benchmarks.honesty_page import MEASURED, NOT_COVERED, PASSAGES, PROVED, SMOOTH, STATES, TITLE
+from tests.benchmarks.honesty_page import (
+    MEASURED,
+    MOTIONS,
+    NOT_COVERED,
+    PASSAGES,
+    PROVED,
+    SMOOTH,
+    STATES,
+    TITLE,
+)
 from tests.benchmarks.hostile_counts import HostileRecord, faults_of, load_hostile, measure_hostile
 from tests.benchmarks.hostile_report import hostile_section
-from tests.support import random_states
+from tests.support import random_motions, random_states
 from tests.support.claims import BITS, CLAIMS, LATEST, PASSAGE_BITS
 from tests.support.hostile_ways import ROUNDS
 from tests.support.random_documents import SMALLEST_GAP
 
 REPORT = Path(__file__).parents[2] / "docs" / "honesty.md"
-Kind = Literal["smooth", "passages", "states", "hostile", "infinite", "cancellation"]
+Kind = Literal["smooth", "passages", "states", "motions", "hostile", "infinite", "cancellation"]
 KINDS: Mapping[Kind, int] = {
     "smooth": 10_000,
     "passages": 2000,
     "states": 5000,
+    "motions": 2000,
     "hostile": 2000,
     "infinite": 1000,
     "cancellation": 1000,
@@ -45,6 +55,7 @@ HEADS: Mapping[Kind, str] = {
     "smooth": "## Smooth potentials\n",
     "passages": "## Motions through poles\n",
     "states": "## Motions from states next to unstable ones\n",
+    "motions": "## Motions of every sort, attitudes and multipliers\n",
     "hostile": "## Hostile potentials\n",
     "infinite": "## Poles of G\n",
     "cancellation": "## Potentials written with cancellation\n",
@@ -77,15 +88,18 @@ def sections(page: str) -> dict[Kind, str]:
 
 def _section(record: Record) -> list[str]:
     """Return a section about motions that are compared with a reference."""
-    text = {"smooth": SMOOTH, "passages": PASSAGES, "states": STATES}[record.subject]
+    text = {"smooth": SMOOTH, "passages": PASSAGES, "states": STATES, "motions": MOTIONS}[record.subject]
     numbers = {"seed": record.seed, "done": record.done, "minutes": record.seconds / 60, "numerics": NUMERICS}
     if record.subject == "states":
         numbers |= {"narrowest": random_states.NARROWEST, "passages": random_states.PASSAGES}
         numbers["latest"] = random_states.LAST
+    elif record.subject == "motions":
+        numbers |= {"radians": random_motions.MOST_RADIANS, "fastest": random_motions.FASTEST}
+        numbers["latest"] = random_motions.LATEST
     else:
         bits = PASSAGE_BITS if record.subject == "passages" else BITS
         numbers |= {"bits": bits, "latest": 10**LATEST, "smallest": SMALLEST_GAP}
-    what = "Motions" if record.subject == "states" else "Problems by family and ends"
+    what = "Motions" if record.subject in ("states", "motions") else "Problems by family and ends"
     return [text.format(**numbers), *_counted(record, f"{what}: {_listed(record.drawn)}.")]
 
 
@@ -120,15 +134,20 @@ def _table(tiers: Mapping[Tier, Sequence[Tally]], families: Sequence[str]) -> li
             )
             lines.append(
                 f"| {tier} | {family} | {asked} | {tally.solved} | {_listed(tally.refused)} | {exceeded} "
-                f"| {tally.smallest.get('samples', inf):.2g} | {_median(tally)} "
+                f"| {_smallest(tally):.2g} | {_median(tally)} "
                 f"| {tally.seconds / max(1, asked):.2g} |"
             )
     return lines
 
 
+def _smallest(tally: Tally) -> float:
+    return tally.smallest.get("samples", tally.smallest.get("trace", inf))
+
+
 def _median(tally: Tally) -> str:
     """Return the power of ten in which the median of claimed/actual of the samples lies."""
-    powers = sorted(int(power) for power in tally.ratios["samples"].elements())
+    counted = tally.ratios["samples"] or tally.ratios["trace"]
+    powers = sorted(int(power) for power in counted.elements())
     return _range(powers[(len(powers) - 1) // 2]) if powers else "none"
 
 

@@ -14,9 +14,11 @@ import numpy as np
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import Tier
+from tests.support import random_motions, random_states
 from tests.support.claims import CLAIMS, Case, Claim, claims_of, make_case
-from tests.support.random_documents import FAMILIES, Family
-from tests.support.random_states import KINDS, Kind, StateCase, claims_of_state, draw_state
+from tests.support.random_documents import EVERY, FAMILIES, Family
+from tests.support.random_motions import MotionCase, draw_motion
+from tests.support.random_states import StateCase, claims_of_state, draw_state
 from workers.computation.compiled_code import keep_compiled_code
 
 TIERS: tuple[Tier, ...] = ("draft", "standard", "high")
@@ -71,8 +73,14 @@ class Tally:
             self.ratios[name] += powers
 
 
-Subject = Literal["smooth", "passages", "states"]
-SUBJECTS: Mapping[Subject, tuple[str, ...]] = {"smooth": FAMILIES, "passages": ("passage",), "states": KINDS}
+AnyCase = Case | StateCase | MotionCase
+Subject = Literal["smooth", "passages", "states", "motions"]
+SUBJECTS: Mapping[Subject, tuple[str, ...]] = {
+    "smooth": FAMILIES,
+    "passages": ("passage",),
+    "states": random_states.KINDS,
+    "motions": random_motions.KINDS,
+}
 """What problems are about, and their families."""
 
 
@@ -148,11 +156,10 @@ def measured(subject: Subject, seed: int, first: int, last: int) -> Record:
 
 
 def _measure_one(record: Record, index: int, draws: np.random.Generator) -> None:
-    family: Family | Kind = family_of(index)
-    if record.subject != "smooth":
-        family = "passage" if record.subject == "passages" else KINDS[index % len(KINDS)]
+    families = SUBJECTS[record.subject]
+    family = family_of(index) if record.subject == "smooth" else families[index % len(families)]
     try:
-        case = draw_state(family, draws) if family in KINDS else make_case(family, draws)
+        case = _drawn(family, draws)
     except DynamicsError as refusal:
         record.unknown[f"{family}: {refusal.code}"] += 1
         return
@@ -185,11 +192,23 @@ def _measure_one(record: Record, index: int, draws: np.random.Generator) -> None
                 _tell(record, told, case, tier)
 
 
-def _claims(case: Case | StateCase, tier: Tier) -> list[Claim]:
+def _drawn(family: str, draws: np.random.Generator) -> AnyCase:
+    for name in EVERY:
+        if name == family:
+            return make_case(name, draws)
+    for kind in random_states.KINDS:
+        if kind == family:
+            return draw_state(kind, draws)
+    return draw_motion(next(kind for kind in random_motions.KINDS if kind == family), draws)
+
+
+def _claims(case: AnyCase, tier: Tier) -> list[Claim]:
+    if isinstance(case, MotionCase):
+        return case.claims(tier)
     return claims_of(case, tier) if isinstance(case, Case) else claims_of_state(case, tier)
 
 
-def _tell(record: Record, what: str, case: Case | StateCase, tier: Tier) -> None:
+def _tell(record: Record, what: str, case: AnyCase, tier: Tier) -> None:
     record.documents.append(f"{what}\n{json.dumps(case.document(tier))}")
 
 

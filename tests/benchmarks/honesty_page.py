@@ -55,8 +55,9 @@ MEASURED = """## What is measured
   panels are judged by the decay of their series. Along the motion V₁ is a series of integrals, to 80 bits by
   the decay of its terms and by what is seen between its nodes.
 * **The method `integration`**, and with it cross-checks and motions from any state: the error is the
-  difference of runs (of four in compiled code, else of two), and what errors of every step grow to until
-  any later time (`grown_errors` in the evidence), checked against the equations. Growth is that of the
+  difference of runs (of four in compiled code; else of two, or the error that what the finer one leaves of
+  the equations makes, `error_by_residual` in the evidence, if that is more), and what errors of every step
+  grow to until any later time (`grown_errors`), checked against the equations. Growth is that of the
   equations of variation along the motion; what a step loses is modelled, as a rounding of all that is added
   up in it and what its series leave out. Both parts are estimates, to first order.
 
@@ -66,9 +67,9 @@ none was exceeded in a run is said of its problems, and of no others.
 
 NOT_COVERED = """## What is not covered
 
-* By no reference here: potentials given by an integral, the orientation, multipliers, the classical cases,
-  motions from other states than below; of smooth potentials aperiodic motions, and those that pass a pole at
-  which V has a logarithm.
+* By no reference here: potentials given by an integral; attitude and multipliers of other planar motions than
+  those with three terms; of smooth potentials aperiodic motions, and those that pass a pole at which V has a
+  logarithm; motions from any state beyond t = 60, and fields that are no sums of powers.
 * Of hostile potentials those that are not admissible are judged by their verdicts alone, as are motions
   into a collision at a pole by their windows alone. Admissible features are functions of g2 times
   A g1² + C g3², and kinks on curves; there is none in F(w) but these.
@@ -115,6 +116,24 @@ in quadratic and cubic fields next to any equilibrium or permanent rotation on a
 backwards. Whoever passes an unstable motion, leaves it and passes it again multiplies what was lost on the
 way. References are power series in integers of 160 bits (`tests/support/fixed_point.py`), from the exact
 state. Smallest and median as above.
+
+| tier | kind | asked | solved | refused | exceeded | smallest | median | seconds |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
+
+MOTIONS = """## Motions of every sort, attitudes and multipliers
+
+The first {done} motions of the seed {seed}, in {minutes:.0f} minutes at low priority beside other work,
+numerics {numerics}. Chaotic: any body in a field with linear, quadratic and cubic terms, from any state, up
+to t = {latest:.0f}. Near upright: tops of every spin from half to twice the critical one, from 1e-3 of the
+vertical on. Fast spin: up to {fastest:.0e}, for {radians:.0f} radians. Nearly singular: a wall of the size
+1e-6 to 0.1 over a power of one γ, which the motion runs against. Moments nearly equal to 1e-12, or apart by
+up to 1e6. Planar: the attitude of motions with three terms, over two periods. Classical: all cases, with
+random bodies and phases. All of these with their attitude: the smaller bounds of ω and γ, of the quaternion
+and of each angle are compared one by one. Multipliers: of planar motions with three terms and any B between
+the triangle inequalities. References are series in integers of 160 bits (`tests/support/fixed_point.py`),
+for attitudes with q' = q ω / 2, for multipliers with the equations of variation of all six variables, from
+the exact state, or a proven one of 150 bits; of the classical cases from the state that the service places.
+Samples are those of a job, documents and all.
 
 | tier | kind | asked | solved | refused | exceeded | smallest | median | seconds |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- |"""

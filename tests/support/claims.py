@@ -22,12 +22,15 @@ from workers.solvers.choose import enclose
 CLAIMS = {
     "samples": "the asked samples",
     "stored": "the stored function of time, at the same times",
+    "attitude": "the quaternion and the angles, at the asked times",
+    "trace": "the trace of the multipliers",
+    "multipliers": "each multiplier",
     "period": "the period",
     "energy": "the energy",
 }
 BITS = 128
 PASSAGE_BITS = 80
-"""Those of motions through poles: 2^-72 is what a reference misses at most, a thousandth of what the smallest
+"""Bits of references of motions through poles. They miss 2^-72 at most, a thousandth of what the smallest
 claim of a double can be, and both radii count in the comparison."""
 UNSEEN = 1e-17
 """Errors of variables below it count as it: a double nearest to the truth has about as much."""

@@ -174,7 +174,7 @@ def judged_tier(facts_json: str, tier: str) -> str:
     try:
         found, certified = solve(problem), None
         if problem.accuracy.tier == "certified":
-            found, certified, _ = certified_samples(problem, found)
+            found, certified, _ = certified_samples(problem)
     except DynamicsError as refusal:
         return json.dumps({"code": refusal.code, "claims": {}, "faults": []})
     with ctx.workprec(2 * BITS):

@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
+from service.dynamics.bounds import ErrorKind, largest
 from service.dynamics.errors import DynamicsError
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +42,8 @@ class Period:
     hi: float
     lo: float
     error: float
+    kind: ErrorKind = "estimate"
+    """How the bound is known: no theorem unless who has found it says so."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from service.dynamics.reduction.structure import EssentialSingularityError, Sign
 from service.dynamics.reduction.window import Arc, Window, height
 from service.dynamics.reduction.windows import find_windows, find_windows_together
 from service.dynamics.verdict.simple_form import simplified
+from tests.support.effort import one_in
 from tests.support.planar import body, formula
 
 DOUBLE = body(2, 1)
@@ -126,9 +127,10 @@ SIDES = {
 }
 
 
-@pytest.mark.parametrize(("text", "sides"), SIDES.values(), ids=SIDES)
-def test_windows_end_where_p_squared_is_infinite(text, sides):
+@pytest.mark.parametrize("name", one_in(2, SIDES))
+def test_windows_end_where_p_squared_is_infinite(name):
     """Each such side is the end of one window of the kind ``collision``, and no other window is of it."""
+    text, sides = SIDES[name]
     found = windows(text)
     ends = []
     for window in found:

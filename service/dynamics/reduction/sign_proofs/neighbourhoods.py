@@ -1,4 +1,4 @@
-r"""What p² is like about a place where parts of the formula vanish that depend on g2 alone.
+r"""The signs and sizes of p² about a place where parts of the formula vanish that depend on g2 alone.
 
 Each side of the place is enclosed in an algebra whose scale is |u| for a monotone part u, whose place need
 not be known exactly, or else the distance δ = |g2 − c|, c being exact: every part with a zero of order k is
@@ -54,7 +54,7 @@ class _Split:
 class _SplitAlgebra:
     """The algebra of numbers with a continuous part at u = 0 and a part known by a power of |u|."""
 
-    def __init__(self, intervals: "DomainIntervals") -> None:
+    def __init__(self, intervals: "LongDomainIntervals") -> None:
         self._intervals, self._balls = intervals, UnbrokenBalls()
 
     def limit(self, x: _Split) -> arb | None:
@@ -132,7 +132,7 @@ class _SplitAlgebra:
         return _Split(arb.nan() if total is None else self._balls.call(name, total))
 
 
-class DomainIntervals(LongIntervalAlgebra):
+class LongDomainIntervals(LongIntervalAlgebra):
     """Intervals that remember whether a root or a logarithm certainly has no value."""
 
     is_undefined = False
@@ -160,9 +160,9 @@ class _Input:
     value: arb
     """Bounds of the coefficient, beside the scale to the order."""
     slope: arb
-    """Those of its derivative in g2, beside one power less."""
+    """Bounds of its derivative in g2, beside one power less."""
 
-    def beside(self, algebra: "DomainIntervals", side: int, Q: LongInterval) -> SecondScale[LongInterval]:
+    def beside(self, algebra: "LongDomainIntervals", side: int, Q: LongInterval) -> SecondScale[LongInterval]:
         """Return the part and X of it on a side of the place; X g2 = −Q."""
         value, slope = self.value * side**self.order, self.slope * side ** (self.order - 1)
         u = LongInterval(value.lower(), value.upper(), Fraction(self.order))
@@ -221,7 +221,7 @@ class Neighbourhood:
         UNDEFINED_HERE if it certainly has no value on the side.
         """
         for log_power in (Fraction(0), LOG_POWER):
-            intervals = DomainIntervals(arb(0), self.size, log_power)
+            intervals = LongDomainIntervals(arb(0), self.size, log_power)
             algebra = _SplitAlgebra(intervals)
             # X u is not used: D is no derivative along the curve.
             beside = [
@@ -243,7 +243,7 @@ class Neighbourhood:
         self, side: int, log_power: Fraction
     ) -> tuple[LongInterval | None, LongInterval | None, bool]:
         """Return D and X D on a side, and whether they certainly have no value."""
-        algebra = DomainIntervals(arb(0), self.size, log_power)
+        algebra = LongDomainIntervals(arb(0), self.size, log_power)
         A, C = (algebra.constant(moment) for moment in (self.curves.body.A, self.curves.body.C))
         g1, g2, g3 = (LongInterval(x.lower(), x.upper()) for x in self.g)
         g2 = self._g2(side) if self.has_no_g2 else g2

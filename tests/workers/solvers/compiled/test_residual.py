@@ -17,13 +17,13 @@ from service.dynamics.solution.dense_output import DenseOutput
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
 from workers.solvers import evidence
-from workers.solvers.choose import find_motion
 from workers.solvers.compiled import records
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.evaluation.program import make_program
-from workers.solvers.compiled.shown.evidence import kept_claim, samples_keep_claim
-from workers.solvers.compiled.shown.states import WIDTH, evaluate, integrals_on, largest_rates
-from workers.solvers.compiled.shown.stretches import defect_and_drift
+from workers.solvers.compiled.residual.evidence import kept_claim, samples_keep_claim
+from workers.solvers.compiled.residual.nodes import in_lanes
+from workers.solvers.compiled.residual.residual import hold
+from workers.solvers.compiled.residual.states import WIDTH, evaluate, integrals_on, largest_rates
 
 BODY = body(2, 1, "3/2")
 FORMULAS = (
@@ -150,23 +150,6 @@ def test_a_planted_error_is_never_kept(motion, size):
     assert kept(motion, dense=replace(motion.dense, coefficients=coefficients), claim=10.0 * size) is not None
 
 
-def test_next_to_a_pole_where_forces_have_no_bound_all_but_a_trillionth_of_the_time_is_settled():
-    """V = −|g1|^(1/3) at A/C = 6/5: arrays took half of the time of such a motion to say the same."""
-    moments, text = body("6/5", 1), "-abs(g1)^(1/3)"
-    # Its function of time, which samples do not come from.
-    passing = find_motion(planar(moments, text, PlanarMotion(1)))
-    potential = formula(text, moments)
-    assert "pole" in passing.window.ends
-    found = kept_claim(moments, potential, passing.dense, passing.dense.error, passing.energy)
-    assert 1.0 - 1e-12 <= found.settled < 1.0
-    arrays = check_residual(
-        moments, potential, passing.dense, passing.dense.error, passing.energy, is_planar=True
-    )
-    assert arrays.error == passing.dense.error
-    # What the claim next to the pole does not hide elsewhere is left to the arrays.
-    assert kept_claim(moments, potential, passing.dense, 1e-3 * found.defect, passing.energy) is None
-
-
 @pytest.mark.parametrize("steepness", ["10^2", "10^6", "10^16"])
 def test_a_wall_between_the_nodes_is_left_to_the_arrays(motion, steepness):
     assert kept(motion, f"-g1 + (2*g1^2+g3^2)*2*exp(-{steepness}*(g2-3/10)^2)") is None
@@ -208,19 +191,13 @@ def test_the_defect_of_any_polynomials_bounds_what_is_integrated(lengths, seed):
     coefficients = np.random.default_rng(seed).uniform(-1.0, 1.0, (3, 21, 6)) * decay
     dense = DenseOutput((), np.cumsum([0.0, *lengths]), coefficients, None, 1.0)
     # Everything explains integrals within such a claim.
-    defect, _, settled = defect_and_drift(
-        compiled,
-        coefficients,
-        np.diff(dense.breaks),
-        1e3,
-        1e-6,
-        np.zeros(3),
-        1e3,
+    _, defect, _ = hold(
+        compiled, dense.breaks, in_lanes(coefficients), 21, 1e-6, np.inf, True, 1e3, np.zeros(3), 1e3
     )
     blocks = list(Blocks(dense, equations.at, equations.bound).cut(1e-6))
     found = accumulate(dense, blocks, has_bounds=True)
     assume(np.isfinite(defect))
-    assert found.settled_share == settled == 1.0
+    assert found.settled_share == 1.0
     seen = integrated_defect(dense, equations)
     assert seen <= float(found.sizes.max()) + 1e-12
     # What interpolation leaves out is below the goal; D on a stretch departs from its value at the beginning.
@@ -263,7 +240,8 @@ def test_a_corner_in_the_long_pieces_of_a_draft_is_settled_without_arrays(width,
     whole = check_residual(
         BODY, problem.potential, motion.dense, motion.dense.error, motion.energy, is_planar=True
     )
-    assert motion.evidence["defect"] == pytest.approx(whole.defect, rel=0.5)
+    # It looks at fewer points, as few as the claim allows: its bound is wider, and still within the claim.
+    assert 0.5 * whole.defect <= motion.evidence["defect"] <= motion.dense.error
 
 
 @pytest.mark.parametrize(
