@@ -9,7 +9,14 @@ from service.schemas.replies.sweep import SweepOut, SweepStateOut
 from service.storage.solutions.audit_store import Audit
 from service.storage.solutions.solution_store import Solution
 
-_ADDED_LATER: Document = {"asymptotes": None, "precession": None, "warnings": [], "errors": None}
+_ADDED_LATER: Document = {
+    "asymptotes": None,
+    "precession": None,
+    "warnings": [],
+    "errors": None,
+    "error_kind": None,
+    "known_cases": [],
+}
 """Fields that solutions stored by the first version lack."""
 
 

@@ -195,6 +195,9 @@ class StatusOut(ResponseModel):
     queue: list[QueuePartOut] = Field(description="The live jobs; what there is none of is left out.")
     workers: list[WorkerOut] = Field(description="Workers and services that were seen lately.")
     rates: list[RateOut] = Field(description="Of the last 1, 5 and 15 minutes.")
+    succeeded_by_minute: list[int] = Field(
+        description="Attempts with a result in each of the last 15 minutes, the latest minute last."
+    )
 
 
 class FaultOut(ResponseModel):
