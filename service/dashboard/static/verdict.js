@@ -60,7 +60,11 @@ function nearestOne({ expression, expression_named: named, relative_squared_dist
 /** Show h, F, G and what else is known of the motion; of several ways to write one, that with the parameters' names comes first. */
 export function showFormulas(formulas) {
   const shown = WANTED.map((name) => formulas.find((candidate) => candidate.name === name && candidate.formats.mathml)).filter(Boolean);
-  fill($("formulas"), shown.map((one) => h("div", { class: "formula-line" }, formula(one.formats.mathml))));
+  const place = $("formulas");
+  fill(place, shown.map((one) => h("div", { class: "formula-line" }, formula(one.formats.mathml))));
+  // Formulas that are too long to stand beside the sphere stand above it.
+  place.parentElement.classList.remove("wide");
+  place.parentElement.classList.toggle("wide", place.scrollWidth > place.clientWidth);
 }
 
 /** Draw the curve |γ₃| = λ |γ₁|^(C/A), the part that the motion fills, and a counterexample, on the sphere. */

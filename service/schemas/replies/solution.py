@@ -206,7 +206,9 @@ class SolutionOut(ResponseModel):
         description="What the solver measured about itself. With a function of time also `defect`, a bound of"
         " what it leaves of the equations of motion, integrated; `drift`, the largest departure of the"
         " energy, the areas integral or γ·γ from its value, between the samples too; `defect_covers`, the"
-        " share of the time for which the bound is a theorem. No claimed error is below what these show."
+        " share of the time for which the bound is a theorem. No claimed error is below what these show. Of a"
+        " classical case also `A`, `B`, `C`, the doubles nearest to the moments, some of which may follow"
+        " from the case."
     )
     cost: CostOut = Field(description="Time of the computation.")
     provenance: ProvenanceOut = Field(description="Version, numerics and machine.")
