@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from service.schemas.replies.job import ClusterOut, StateName
-from service.schemas.replies.response_model import ResponseModel
+from service.schemas.replies.response_model import ENDS_IN_WORDS, ResponseModel
 from service.schemas.replies.verdict import NoticeOut
 
 
@@ -31,10 +31,9 @@ class WindowOut(ResponseModel):
 
     index: int = Field(description="Its number among the windows of the curve, from 0.")
     ends: tuple[str, str] = Field(
-        description="What the motion does at the smallest and the largest |g1|: `rest` it turns at rest,"
-        " `equator` crosses the equator, `pole` passes a pole, `equilibrium` tends to an equilibrium,"
-        " `standstill` comes to a standstill, `collision` runs into a collision, `edge` reaches the edge of"
-        " the domain."
+        description="What the motion does at the smallest and the largest |g1|: "
+        + ", ".join(f"`{end}`: {words}" for end, words in ENDS_IN_WORDS.items())
+        + "."
     )
     g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
     g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")

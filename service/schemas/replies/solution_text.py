@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any  # JSON values: their shapes are those of the resources
 
 from service.dynamics.methods import NO_CROSS_CHECK
+from service.schemas.replies.response_model import STABILITY_IN_WORDS, range_in_words
 
 Part = Mapping[str, Any]
 _SIGNIFICANT = 6
@@ -69,9 +70,9 @@ def describe_solution(summary: Part) -> Iterator[str]:
     yield f"energy      {_estimate(energy)}"
     window = summary["window"]
     if window is not None:
-        (lower, upper), (first, last) = window["ends"], window["g1"]
-        yield f"window      {lower} to {upper}, g1 from {first:.12g} to {last:.12g}"
-    yield f"error       ≤ {summary['error']:.1e} in every variable at the sampled times"
+        first, last = window["g1"]
+        yield f"range       {range_in_words(window['ends'])}; g1 from {first:.12g} to {last:.12g}"
+    yield f"error       claimed: ≤ {summary['error']:.1e} in every variable at the stored samples"
     groups = {name: error["relative"] for name, error in (summary.get("errors") or {}).items()}
     if groups:
         parts = (f"{name} {error:.1e}" for name, error in groups.items() if error is not None)
@@ -81,7 +82,9 @@ def describe_solution(summary: Part) -> Iterator[str]:
         yield f"{name + ' drift':<18}{integral['drift']:.1e}{value}"
     stability = summary["stability"]
     if stability is not None:
-        yield f"stability   {stability['verdict']}, trace {stability['trace']!r} ± {stability['error']:.1e}"
+        words = STABILITY_IN_WORDS[stability["verdict"]]
+        trace = f"trace {stability['trace']!r} ± {stability['error']:.1e}"
+        yield f"stability   against leaving its plane: {words}, {trace}"
     for name, angle in (summary.get("precession") or {}).items():
         yield f"precession  {name} {angle['value']!r} ± {angle['error']:.1e} a period"
     check, warnings = summary["cross_check"], summary.get("warnings") or []
