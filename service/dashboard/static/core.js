@@ -134,8 +134,12 @@ $("key-field").addEventListener("keydown", (event) => {
   $("key-dialog").close("use");
 });
 
+/** Whether the key of the tab may not do what was asked: no fault of what was sent. */
+export const isNotAllowed = (error) => error instanceof Refusal && error.status === 403 && Boolean(error.problem.needed_role);
+
 /** Return what went wrong as text, each fault with the place it points to. */
 export function troubleOf(error) {
+  if (isNotAllowed(error)) return h("div", { class: "notice" }, `This needs a key with the role ${error.problem.needed_role}; the one in use may do less.`);
   if (error instanceof Refusal) {
     const faults = error.faults.map((fault) => h("li", {}, h("code", {}, fault.pointer || "/"), " ", fault.message));
     return h("div", { class: "notice bad" },
@@ -156,7 +160,7 @@ export async function run(work, place = $("content")) {
       return;
     } catch (error) {
       shown?.remove();
-      shown = troubleOf(error);
+      shown = error instanceof Refusal && error.status === 404 ? missing(error) : troubleOf(error);
       place.prepend(shown);
       place.closest("main").setAttribute("aria-busy", "false");
       if (error instanceof Refusal && error.status < 500) return;
@@ -165,6 +169,28 @@ export async function run(work, place = $("content")) {
     }
   }
 }
+
+/** Make the page say that there is no such thing, and where to look for it. */
+function missing({ message }) {
+  const list = document.querySelector("nav a[aria-current]");
+  const what = document.querySelector("main .eyebrow")?.textContent.toLowerCase() ?? "thing";
+  document.querySelector("main h1").textContent = `There is no such ${what}`;
+  document.title = `Not found · polhode`;
+  return h("p", {}, `It may have been deleted, or the address is incomplete: ${message}. `, h("a", { href: list.href }, `All ${list.textContent.toLowerCase()}`), ".");
+}
+
+/** Return a key for a request that must not happen twice. (randomUUID is there on secure origins only.) */
+export const onceKey = () => [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+
+/** Save some content as a file. */
+export function save(content, name) {
+  const link = h("a", { href: URL.createObjectURL(content), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+
+/** Save what the service answers as a file. */
+export const download = async (path, name) => save(await (await request(path, { headers: { Accept: "*/*" } })).blob(), name);
 
 export const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 
@@ -203,13 +229,37 @@ export function ago(instant) {
   return "just now";
 }
 
-/** Return what a potential is, in a line. */
-export function potentialText(potential) {
-  const known = Object.entries(potential.parameters || {}).map(([name, value]) => `${name} = ${value}`);
+/** Return what a potential is, in a line, without the numbers that vary: those at ``pointers``. */
+export function potentialText(potential, pointers = []) {
+  const isFixed = (path) => !pointers.includes(`/potential/${path}`);
+  const known = Object.entries(potential.parameters || {}).filter(([name]) => isFixed(`parameters/${name}`)).map(([name, value]) => `${name} = ${value}`);
   if (potential.type === "expression") return [potential.expression, ...known].join(",  ");
-  const parts = Object.entries(potential).filter(([name]) => !["type", "parameters"].includes(name))
-    .map(([name, value]) => `${name} = ${Array.isArray(value) ? `[${value.join(", ")}]` : value}`);
+  const parts = Object.entries(potential).filter(([name]) => !["type", "parameters"].includes(name) && isFixed(name))
+    .map(([name, value]) => `${name} = ${Array.isArray(value) ? `[${value.map((part, k) => (isFixed(`${name}/${k}`) ? part : "…")).join(", ")}]` : value}`);
   return `${potential.type}: ${[...parts, ...known].join(", ")}`;
+}
+
+/** Return how people call the number at a pointer. */
+export function nameOf(pointer) {
+  const parts = pointer.split("/").filter((part) => !["", "potential", "parameters", "body", "motion"].includes(part));
+  const [first, place] = parts;
+  return { lambda: "λ", nu: "ν", omega: "pqr"[place], gamma: `γ${"₁₂₃"[place]}` }[first] ?? (parts.join(" ") || pointer);
+}
+
+export const lengthOf = (axis) => axis.values?.length ?? (axis.linspace ?? axis.logspace ?? axis.uniform)[2];
+
+/** Return words as a list in a sentence: a, b and c. */
+export const listed = (words) => [words.slice(0, -1).join(", "), words.at(-1)].filter(Boolean).join(" and ");
+
+/** Return what a sweep is, in a line: its potential without what varies, and its axes. */
+export const sweepText = ({ base, axes }) => `${potentialText(base.potential, axes.map(({ pointer }) => pointer))}, over ${listed(axes.map(({ pointer }) => nameOf(pointer)))}`;
+
+/** Return what an axis goes through, in a line. */
+export function axisText(axis) {
+  const count = lengthOf(axis);
+  const [low, high] = axis.values ? [axis.values[0], axis.values.at(-1)] : axis.linspace ?? axis.logspace ?? axis.uniform;
+  const how = axis.logspace ? ", logarithmic" : axis.uniform ? ", drawn" : "";
+  return `${nameOf(axis.pointer)} ${count > 1 ? `from ${low} to ${high}` : `= ${low}`} (${count.toLocaleString("en")} ${count > 1 ? "values" : "value"}${how})`;
 }
 
 /** Return what a motion is, in a line. */
@@ -275,3 +325,12 @@ export function exportable(place, { moves = false } = {}) {
   host.replaceWith(figure);
   figure.append(host, menu);
 }
+
+/** Return a line with the cases that a problem is, by their names; `null` if it is none. */
+export function knownCases(known) {
+  if (!known?.length) return null;
+  return h("p", { class: "hint" }, `Known: ${known.map(({ name, source }) => `the case ${name.replaceAll("_", " and ")} (${source})`).join(", ")}.`);
+}
+
+// A tour goes through several pages.
+if (sessionStorage.getItem("polhode.tour")) import("./tours.js").then(({ resume }) => resume());

@@ -67,8 +67,8 @@ export function problemOf() {
     if (name === undefined) problem[part] = value;
     else problem[part][name] = value;
   }
-  const relative = $("relative").value.trim();
-  problem.accuracy = relative ? { relative: plain(relative) } : { tier: document.querySelector("input[name=tier]:checked")?.value ?? wanted };
+  const measures = ["tolerance", "relative"].filter((name) => $(name).value.trim());
+  problem.accuracy = measures.length ? Object.fromEntries(measures.map((name) => [name, plain($(name).value.trim())])) : { tier: document.querySelector("input[name=tier]:checked")?.value ?? wanted };
   const further = [...document.querySelectorAll("input[name=outputs]:checked")].map((box) => box.value);
   problem.outputs = ["gamma", "omega", ...further];
   return problem;
@@ -87,7 +87,7 @@ export function fillForm(problem) {
     control.value = value === undefined || value === null ? "" : written(value, control.dataset.kind);
   }
   wanted = problem.accuracy?.tier ?? "standard";
-  $("relative").value = problem.accuracy?.relative ?? "";
+  for (const name of ["tolerance", "relative"]) $(name).value = problem.accuracy?.[name] ?? "";
   const tier = document.querySelector(`input[name=tier][value="${CSS.escape(wanted)}"]`);
   if (tier) tier.checked = true;
   for (const box of document.querySelectorAll("input[name=outputs]")) box.checked = (problem.outputs ?? []).includes(box.value);

@@ -1,5 +1,5 @@
 // A problem is written here; verdict, motions and costs follow while one types.
-import { $, copier, during, exact, fill, get, h, number, post, Refusal, run, say, troubleOf } from "./core.js";
+import { $, copier, during, exact, fill, get, h, isNotAllowed, number, post, Refusal, run, say, troubleOf } from "./core.js";
 import { asPython, build, fillForm, problemOf, showFaults, useFormula, useRatio } from "./fields.js";
 import { showFormulas, showSphere, showVerdict } from "./verdict.js";
 
@@ -19,6 +19,7 @@ let usual = []; // what the tiers take and reach here on other problems
 let timer = null;
 let edits = 0; // so that nobody is taken away from a problem that they have begun to write
 let asking = new AbortController();
+let mayOnlyRead = false; // the key of the tab, as a refusal has told
 
 /** Wait until nothing is typed; an answer to what was there before is of no use from now on. */
 function changed() {
@@ -81,7 +82,7 @@ function showPlan(plan) {
 }
 
 async function atlas(problem, verdict, signal) {
-  const isDrawn = verdict?.verdict === "admissible" && problem.motion.type === "planar";
+  const isDrawn = !mayOnlyRead && verdict?.verdict === "admissible" && problem.motion.type === "planar";
   $("atlas-section").hidden = !isDrawn;
   if (!isDrawn) return;
   const { showAtlas } = await import("./atlas.js");
@@ -95,8 +96,17 @@ async function atlas(problem, verdict, signal) {
     await showAtlas(found, exact(motion.lambda ?? "none"), pick);
   } catch (error) {
     if (signal.aborted) return;
-    $("fault-atlas").textContent = error.message;
+    if (isNotAllowed(error)) notAllowed(error);
+    else $("fault-atlas").textContent = error.message;
   }
+}
+
+/** Say once that the key of the tab may read only: nothing is offered that it would be refused. */
+function notAllowed(error) {
+  mayOnlyRead = true;
+  $("atlas-section").hidden = true;
+  for (const button of [$("submit"), ...document.querySelectorAll(".sweep-open")]) button.disabled = true;
+  fill($("job"), troubleOf(error));
 }
 
 /** Wait for the job that draws an atlas; it is cancelled when this one is not wanted any more. */
@@ -148,7 +158,8 @@ async function submit() {
     else fill($("job"), h("div", { class: "notice bad" }, `The job ${job.state}${job.error ? `: ${job.error.detail ?? job.error.code}` : "."}`));
   } catch (error) {
     showFaults(error.faults ?? []);
-    fill($("job"), troubleOf(error));
+    if (isNotAllowed(error)) notAllowed(error);
+    else fill($("job"), troubleOf(error));
   }
 }
 
@@ -194,6 +205,13 @@ $("form").addEventListener("submit", (event) => {
   event.preventDefault();
   if (!$("submit").disabled) during([$("submit")], submit);
 });
+for (const button of document.querySelectorAll(".sweep-open")) {
+  button.addEventListener("click", () => during([button], async () => {
+    const { openForm } = await import("./sweep_form.js");
+    const isDrawn = !$("atlas-section").hidden;
+    await openForm({ problem: problemOf(), ends: isDrawn ? [$("from").value.trim(), $("to").value.trim()] : null }).catch((error) => fill($("job"), troubleOf(error)));
+  }));
+}
 $("submit").disabled = false; // who pressed it before somebody listens would lose the problem
 for (const id of ["type", "motion-type"]) $(id).addEventListener("change", () => { build($("type").value, $("motion-type").value); changed(); });
 for (const id of ["from", "to"]) $(id).addEventListener("input", changed);
