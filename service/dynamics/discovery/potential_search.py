@@ -6,9 +6,9 @@ their exponents. A basis has of each degree what is no multiple by |γ|² of wha
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cache, reduce
+from functools import reduce
 from itertools import product as pairs_of
 
 from flint import Ordering, acb_poly, fmpz_mpoly, fmpz_mpoly_ctx, fmpz_poly, nmod_poly
@@ -55,6 +55,8 @@ class _Ring:
     letters: Letters
     A: fmpz_mpoly
     C: fmpz_mpoly
+    kernels: "dict[_Block, list[fmpz_mpoly]]" = field(default_factory=dict)
+    """What was found: each is asked for by blocks above it, and beside others."""
 
     @property
     def gamma(self) -> tuple[fmpz_mpoly, ...]:
@@ -67,13 +69,13 @@ class _Ring:
         return pde_residual(self.A, self.C, self.gamma, first, second)
 
 
-@cache
 def _ring(ratio: Fraction | None) -> _Ring:
     names = ("A", "C") if ratio is None else ()
     whole = fmpz_mpoly_ctx.get((*names, *VARIABLES), Ordering.lex)
     letters = Letters(fmpz_mpoly_ctx.get(names, Ordering.lex), frozenset(range(len(names))))
     if ratio is None:
-        return _Ring(whole, letters, *whole.gens()[:2])
+        A, C, *_ = whole.gens()
+        return _Ring(whole, letters, A, C)
     return _Ring(whole, letters, whole.constant(ratio.numerator), whole.constant(ratio.denominator))
 
 
@@ -110,9 +112,13 @@ class _Block:
 
     def kernel(self, ring: _Ring) -> list[fmpz_mpoly]:
         """Return a basis of the admissible ones, with high powers of g2 first."""
-        if self.degree < 0:
-            return []
-        monomials, found = self.monomials, []
+        found = ring.kernels.get(self)
+        if found is None:
+            found = ring.kernels[self] = [] if self.degree < 0 else self._solved(ring)
+        return found
+
+    def _solved(self, ring: _Ring) -> list[fmpz_mpoly]:
+        monomials, found = self.monomials, list[fmpz_mpoly]()
         for row in echelon(kernel(self.rows(ring), len(monomials), ring.letters), ring.letters):
             terms = {
                 (*low, *monomials[place]): value for place, each in row.items() for low, value in each.terms()
@@ -180,11 +186,11 @@ def ratios_that_admit(
     moments = {"C": C} if B is None else {"B": B, "C": C}
     setting = read_setting(moments, potential, parameters)
     tape = setting.tape(setting.potential)
-    field = Functions(setting, [tape])
-    V, ring = field.value(tape), _ring(None)
+    functions = Functions(setting, [tape])
+    V, ring = functions.value(tape), _ring(None)
     known = {name: place for place, name in enumerate(ring.whole.names())}
     terms: dict[tuple[int, ...], int] = {}
-    names = [*field.ring.names()]
+    names = [*functions.ring.names()]
     for exponents, value in V.numerator.terms():
         used = {name: int(k) for name, k in zip(names, exponents, strict=True) if k}
         if not used.keys() <= known.keys():
