@@ -3,6 +3,7 @@
 The files of a page have an address with a digest of all of them, so that browsers may cache them for ever.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from http import HTTPStatus
@@ -17,10 +18,11 @@ import hashlib
 from importlib.resources import files
 from pathlib import Path
 
-# Nothing from other hosts, no inline scripts or styles, no framing. Icons may be data: URLs.
+# Nothing from other hosts, no inline scripts or styles, no framing. Icons may be data: URLs, and pictures
+# that are saved are painted from blob: URLs.
 _POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 HEADERS = {
     "Content-Security-Policy": _POLICY,
@@ -46,7 +48,7 @@ class StaticFile:
 @cache
 def static_files() -> dict[str, StaticFile]:
     """Return all files of the page by their names."""
-    found = {path.name: path.read_bytes() for path in sorted(OURS.iterdir()) if path.suffix in _KINDS}
+    found = {path.name: path.read_bytes() for path in sorted(OURS.rglob("*")) if path.suffix in _KINDS}
     found[_PLOTLY] = files("plotly").joinpath("package_data", _PLOTLY).read_bytes()
     return {name: _described(name, content) for name, content in found.items()}
 
@@ -65,6 +67,9 @@ def _described(name: str, content: bytes) -> StaticFile:
 
 router = APIRouter(include_in_schema=False)
 
+_TEXT = "text/html"
+_DEEPEST = 30
+"""Folders in an address beyond which its page is shown without styles."""
 _KEEP = "public, max-age=31536000, immutable"
 
 
@@ -79,17 +84,18 @@ class Page:
 
 
 PAGES = {
-    "/": Page("Overview", "overview", ("arrays", "sphere", "follow")),
+    "/": Page("Overview", "overview", ("arrays", "sphere", "follow", "sweeps", "planes")),
     "/workbench": Page("Workbench", "workbench", ("fields", "sphere", "verdict")),
-    "/solutions": Page("Solutions", "lists", ("query", "labels", "follow")),
-    "/jobs": Page("Jobs", "lists", ("query", "labels", "follow")),
-    "/sweeps": Page("Sweeps", "lists", ("query", "labels", "follow")),
+    "/solutions": Page("Solutions", "lists", ("chosen", "follow")),
+    "/jobs": Page("Jobs", "lists", ("chosen", "follow")),
+    "/sweeps": Page("Sweeps", "lists", ("chosen", "follow", "sweeps", "arrays", "planes")),
     "/families": Page("Families", "families", ("sphere", "starting", "follow")),
     "/accuracy": Page("Accuracy", "accuracy", ("chart",)),
     "/solution": Page("Solution", "solution", ("arrays", "sphere", "chart", "series", "body"), "/solutions"),
     "/sweep": Page("Sweep", "sweep", ("arrays", "chart", "follow", "planes", "starting"), "/sweeps"),
 }
 """The pages by their paths. These are flat: all links are relative, and hold behind a proxy's prefix, too."""
+_MISSING = Page("Not found", "core")
 
 
 @router.get("/")
@@ -103,8 +109,20 @@ PAGES = {
 @router.get("/sweep")
 async def show_shell(request: Request) -> Response:
     """Return a page without data: its module asks the API for them."""
-    page = _shell(request.scope["route"].path)
-    return Response(page, media_type="text/html", headers=HEADERS)
+    path = request.scope["route"].path
+    return Response(_shell(PAGES[path], path), media_type="text/html", headers=HEADERS)
+
+
+def wants_page(request: Request) -> bool:
+    """Say whether a refused request comes from somebody who has opened an address that is none of the API."""
+    is_api = request.url.path.startswith(("/v1/", "/static/", "/metrics"))
+    return request.method in ("GET", "HEAD") and not is_api and _TEXT in request.headers.get("accept", "")
+
+
+def show_missing(path: str, status: int, headers: Mapping[str, str]) -> Response:
+    """Return the page that says that there is nothing at a path."""
+    up = "../" * min(path.count("/") - 1, _DEEPEST)
+    return Response(_shell(_MISSING, "", up), status, {**headers, **HEADERS}, _TEXT)
 
 
 @router.get("/static/page/{version}/{name}")
@@ -120,10 +138,10 @@ async def show_file(version: str, name: str) -> Response:
 
 
 @cache
-def _shell(path: str) -> bytes:
-    page = PAGES[path]
-    template = _templates().get_template(f"{page.module}.html")
-    text = template.render(page=page, path=path, pages=PAGES, static=f"static/page/{digest()}")
+def _shell(page: Page, path: str, up: str = "") -> bytes:
+    """Return the text of a page; ``up`` leads from the folder of its path to where all pages are."""
+    template = _templates().get_template("missing.html" if page is _MISSING else f"{page.module}.html")
+    text = template.render(page=page, path=path, pages=PAGES, up=up, static=f"{up}static/page/{digest()}")
     return text.encode()
 
 

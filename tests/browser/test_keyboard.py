@@ -13,7 +13,7 @@ SEEN = (
 MOST_KEYS = 400
 NAMED = {
     "/solutions": [
-        "Where",
+        "Filter",
         "Choose all on this page",
         "Add label",
         "Remove label",

@@ -75,7 +75,8 @@ def test_a_late_refusal_asks_nobody_for_the_key_that_they_have_typed(context, gu
     page.keyboard.press("Enter")
     expect(dialog).to_be_hidden()
     with page.expect_request(lambda request: "/v1/sweeps?" in request.url) as again:
-        held[0].continue_()
+        for route in held:
+            route.continue_()
     assert again.value.headers["authorization"] == f"Bearer {key}"
     expect(page.locator("#status")).to_contain_text("Waiting")
     expect(dialog).to_be_hidden()
@@ -86,6 +87,22 @@ def test_without_a_key_the_page_says_what_is_missing(context, guarded):
     page = Watched(context.new_page(), site).open("solutions")
     page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
     expect(page.locator("main")).to_contain_text("a key is needed")
+
+
+def test_a_key_that_may_read_is_told_once_what_it_lacks_and_nothing_is_red(context, guarded):
+    site, key = guarded
+    tab = Watched(context.new_page(), site)
+    tab.page.add_init_script(f"sessionStorage.setItem('polhode.key', '{key}')")
+    page = tab.open("workbench#" + quote(json.dumps(problem("first"))))
+    expect(page.locator("#verdict")).to_contain_text("Admissible")
+    expect(page.locator("#job")).to_have_text(
+        "This needs a key with the role submit; the one in use may do less."
+    )
+    expect(page.get_by_role("button", name="Compute")).to_be_disabled()
+    expect(page.locator(".sweep-open").first).to_be_disabled()
+    settle(page)
+    assert page.locator(".notice.bad:visible, .fault:visible").count() == 0
+    assert tab.faults == [f"403 {site.address}/v1/atlases"]
 
 
 LOST = {

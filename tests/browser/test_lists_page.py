@@ -1,5 +1,7 @@
 """Solutions, jobs and sweeps as tables: labels of many rows, order, pages, failures in words."""
 
+import csv
+import io
 import re
 from urllib.parse import quote
 
@@ -91,7 +93,7 @@ def test_heads_of_columns_sort_by_several_columns_and_the_address_holds_them(tab
     answer = tab.site.service.call("GET", "/v1/solutions?order=tier,-energy").document
     ids = [item["id"] for item in answer["items"]]
     assert [box.get_attribute("data-id") for box in page.locator("input.choose").all()] == ids
-    page.get_by_label("Order").fill("perid")
+    page.get_by_label("Sort by").fill("perid")
     page.keyboard.press("Enter")
     expect(page.locator("#order-fault")).to_contain_text("'perid'")
     tab.faults[:] = [fault for fault in tab.faults if not fault.startswith("422 ")]
@@ -131,3 +133,103 @@ def test_a_failure_is_told_in_words_with_its_attempts(tab, jobs):
     assert page.locator("img").count() == 0
     page.get_by_role("group", name="How often").get_by_role("button", name=HOSTILE).click()
     expect(page.locator("tbody tr")).to_have_count(1)
+
+
+def ids_of(page) -> set[str]:
+    return {box.get_attribute("data-id") for box in page.locator("input.choose").all()}
+
+
+def test_what_a_failed_job_would_have_met_is_filled_in(tab):
+    """A tolerance below what doubles reach of this motion, by a method that has nothing else."""
+    impossible = {**problem("state"), "accuracy": {"tolerance": "1e-15"}, "method": "integration"}
+    job = tab.site.service.call("POST", "/v1/jobs", impossible, Prefer="wait=60").document
+    assert job["error"]["code"] == "accuracy_not_met", job
+    accepted = job["error"]["accepted"]["tolerance"]
+    page = tab.open(f"jobs?where=id={job['id']}")
+    settle(page)
+    page.get_by_role("link", name="Open with the tolerance").click()
+    expect(page.get_by_label("or a tolerance")).to_have_value(str(accepted).replace("e-0", "e-"))
+    settle(page)
+    with page.expect_response(lambda answer: answer.url.endswith("/v1/jobs")) as sent:
+        page.get_by_role("button", name="Compute").click()
+    assert float(sent.value.request.post_data_json["accuracy"]["tolerance"]) == accepted
+    page.wait_for_url(re.compile(r"solution\?id="))  # it is met
+    tab.site.service.call("DELETE", f"/v1/solutions/{page.url.rpartition('=')[2]}")
+
+
+def test_chosen_rows_are_compared_saved_sent_again_and_deleted(tab):
+    service = tab.site.service
+    page = tab.open("solutions")
+    settle(page)
+    before = ids_of(page)
+    compare = page.get_by_role("button", name="Compare")
+    page.locator(f"input[data-id='{tab.site.solutions['first']}']").check()
+    expect(compare).to_be_disabled()  # with what?
+    page.locator(f"input[data-id='{tab.site.solutions['unstable']}']").check()
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Download as CSV").click()
+    rows = list(csv.DictReader(io.StringIO(download.value.path().read_text(encoding="utf-8"))))
+    assert {row["id"] for row in rows} == {tab.site.solutions["first"], tab.site.solutions["unstable"]}
+    compare.click()
+    expect(page.locator("#compare-note")).to_contain_text("they are different motions")
+    # Narrow screens do not scroll sideways, and the navigation leaves the page nine tenths of the height.
+    page.set_viewport_size({"width": 390, "height": 844})
+    expect(page.locator("#overlay .main-svg").first).to_be_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 390
+    assert page.locator("header.top").bounding_box()["height"] <= 844 / 10
+    page.set_viewport_size({"width": 1280, "height": 800})
+
+    marked = {**UNPROVABLE, "labels": {"act": "yes"}}
+    failed = [service.call("POST", "/v1/jobs", marked, Prefer="wait=60").document["id"] for _ in range(2)]
+    page = tab.open("jobs?where=" + quote("label.act=yes"))
+    settle(page)
+    assert ids_of(page) == set(failed)
+    page.locator(f"input[data-id='{failed[0]}']").check()
+    expect(page.get_by_role("button", name="Cancel", exact=True)).to_be_disabled()  # it is over
+    page.get_by_role("button", name="Solve again").click()
+    expect(page.locator("#bulk-outcome")).to_have_text("1 sent again")
+    expect(page.locator("tbody tr")).to_have_count(3)
+    expect(page.locator("tbody .state.failed")).to_have_count(3)  # for the same reason
+    page.get_by_label("Choose all on this page").check()
+    dialog = page.get_by_role("dialog", name="Delete?")
+    page.get_by_role("button", name="Delete…").click()
+    expect(dialog).to_contain_text("3 jobs will be deleted")
+    dialog.get_by_role("button", name="Cancel").click()
+    expect(page.locator("tbody tr")).to_have_count(3)
+    page.get_by_role("button", name="Delete…").click()
+    dialog.get_by_role("button", name="Delete", exact=True).click()
+    expect(page.locator("#bulk-outcome")).to_have_text("3 deleted")
+    expect(page.locator("#table")).to_have_text("Nothing meets these conditions.")
+    assert service.call("GET", f"/v1/jobs/{failed[0]}").status == 404
+    assert {item["id"] for item in service.call("GET", "/v1/solutions").document["items"]} == before
+
+
+@pytest.mark.parametrize("name", ["solutions", "jobs", "sweeps"])
+def test_examples_of_questions_are_answered_and_what_is_refused_can_be_taken_away(tab, name):
+    page = tab.open(name)
+    settle(page)
+    asked = {"where": page.get_by_label("Filter"), "order": page.get_by_label("Sort by")}
+    query = "&".join(f"{key}={quote(field.get_attribute('placeholder'))}" for key, field in asked.items())
+    assert tab.site.service.call("GET", f"/v1/{name}?{query}").status == 200, query
+    # The list of orders is one of what may be typed, too.
+    orders = page.locator("#orders option").evaluate_all("found => found.map((one) => one.value)")
+    assert orders
+    page.get_by_label("Filter").fill("nothing=1, created_at>=2026-01-01")
+    page.keyboard.press("Enter")
+    expect(page.locator("#where-fault")).to_contain_text("'nothing'")
+    expect(page.locator("#table")).to_have_class(re.compile("stale"))
+    page.get_by_role("button", name="Take away nothing=1").click()
+    expect(page.locator("#where-fault")).to_be_empty()
+    expect(page.locator("#table")).not_to_have_class(re.compile("stale"))
+    expect(page.locator("#chips li")).to_have_count(1)
+    tab.faults[:] = [fault for fault in tab.faults if not fault.startswith("422 ")]
+
+
+@pytest.mark.parametrize("what", ["solution", "sweep"])
+def test_what_is_not_there_has_a_page_that_leads_to_its_list(tab, what):
+    page = tab.open(f"{what}?id=019f0000-0000-7000-8000-000000000001")
+    expect(page.locator("h1")).to_have_text(f"There is no such {what}")
+    page.get_by_role("link", name=f"All {what}s").click()
+    settle(page)
+    assert page.url.endswith(f"/{what}s")
+    tab.faults[:] = [fault for fault in tab.faults if not fault.startswith("404 ")]

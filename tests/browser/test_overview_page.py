@@ -79,4 +79,34 @@ def test_a_motion_that_turns_too_often_has_no_picture_that_lies(tab):
     )
     page = tab.open("")
     settle(page)
+    page.locator("#cards .thumb").first.scroll_into_view_if_needed()
     expect(page.locator("#cards .thumb").first).to_have_text("It oscillates too fast for a small picture.")
+
+
+def test_sweeps_have_names_and_pictures_and_solutions_of_one_problem_stand_together(tab):
+    service = tab.site.service
+    rougher = service.call(
+        "POST", "/v1/jobs", {**problem("first"), "accuracy": {"tier": "draft"}}, Prefer="wait=60"
+    )
+    page = tab.open("")
+    settle(page)
+    expect(page.locator("#workers")).to_have_text(
+        re.compile("^One worker, (ready|compiling.*); [01] of 1 places at work.$")
+    )
+    minutes = service.call("GET", "/v1/status").document["succeeded_by_minute"]
+    assert sum(minutes) > 0
+    expect(page.locator("#rate svg")).to_have_attribute(
+        "aria-label", re.compile("^Jobs solved in each of the last 15 minutes")
+    )
+    sweep = page.locator(f"#sweeps a[href='./sweep?id={tab.site.sweep}']")
+    # b varies, and is no part of the name.
+    expect(sweep).to_have_text("a*g1 + b/g3^2, a = -1, over λ and b")
+    expect(sweep.locator("canvas")).to_have_attribute(
+        "aria-label", re.compile(r"^period over λ from 1/10 to 2 \(12 values\) and b")
+    )
+    # One card for the problem, with both of its solutions.
+    both = [rougher.document["solution"], tab.site.solutions["first"]]
+    card = page.locator("#cards > li", has=page.locator(f"a[href='./solution?id={both[0]}']"))
+    expect(card).to_have_count(1)
+    expect(card.locator(f"a[href='./solution?id={both[1]}']")).to_contain_text("standard, error")
+    service.call("DELETE", f"/v1/solutions/{both[0]}")

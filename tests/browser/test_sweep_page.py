@@ -1,12 +1,13 @@
 """The page of a sweep: its picture, a point that becomes a solution, a part that becomes a finer sweep."""
 
+import json
 import math
 import re
 
 import pytest
 from playwright.sync_api import expect
 
-from tests.support.browser import HOSTILE, settle
+from tests.support.browser import HOSTILE, SWEEP, settle
 
 LAMBDA, B = "/motion/lambda", "/potential/parameters/b"
 
@@ -19,6 +20,17 @@ def sweep(tab):
     expect(page.locator("#picture-note")).not_to_be_empty()
     points = tab.site.service.call("GET", f"/v1/sweeps/{tab.site.sweep}/points?limit=100").document["items"]
     return page, points
+
+
+def test_unlike_hosts_are_told(tab):
+    def answer(route):
+        found = route.fetch().json()
+        kinds = [{**found["provenances"][0], "hosts": hosts} for hosts in (["a", "b"], ["b", "c"])]
+        route.fulfill(json={**found, "provenances": kinds})
+
+    tab.page.route(f"**/v1/sweeps/{tab.site.sweep}", answer)
+    page = tab.open(f"sweep?id={tab.site.sweep}")
+    expect(page.locator("#computed")).to_contain_text("Computed on 3 hosts, of 2 kinds:")
 
 
 def spot_of(page, x: float, y: float) -> dict[str, float]:
@@ -46,6 +58,7 @@ def test_a_heat_map_has_the_colour_of_each_number_and_a_mark_for_each_reason(swe
     assert 0 < len(solved) < 72
     expect(page.locator("#progress")).to_contain_text("72 of 72")
     expect(page.locator("#refusals")).to_contain_text("no motion")
+    expect(page.locator("#computed")).to_have_text("Computed on one host.")
     expect(page.locator("#picture-note")).to_have_text(
         f"{len(solved)} motions, {72 - len(solved)} points without one."
     )
@@ -89,6 +102,7 @@ def test_a_click_on_a_point_computes_it_and_lands_on_its_solution(tab, sweep):
 def test_a_part_of_the_picture_becomes_a_finer_sweep_that_is_asked_for_first(tab, sweep):
     page, _ = sweep
     corners = [spot_of(page, 1.0, 0.04), spot_of(page, 1.5, 0.1)]
+    page.locator("#picture").scroll_into_view_if_needed()
     box = page.locator("#picture").bounding_box()
     page.mouse.move(box["x"] + corners[0]["x"], box["y"] + corners[0]["y"])
     page.mouse.down()
@@ -153,3 +167,56 @@ def test_labels_and_notes_of_a_sweep_are_text(tab, sweep):
     expect(page.locator("tbody tr")).to_have_count(1)
     assert page.locator("img").count() == 0
     tab.site.service.call("PATCH", path, {"labels": None, "note": None})
+
+
+THREE = {
+    **SWEEP,
+    "axes": [*SWEEP["axes"], {"pointer": "/potential/parameters/a", "values": [-1, "-3/2", -2]}],
+}
+
+
+def test_of_three_axes_one_is_held_or_all_stand_beside_each_other(tab):
+    identity = tab.site.service.call("POST", "/v1/sweeps", THREE).document["id"]
+    page = tab.open(f"sweep?id={identity}")
+    settle(page)
+    expect(page.locator("#progress")).to_contain_text("216 of 216")
+    expect(page.locator("h1")).to_have_text("a*g1 + b/g3^2")  # a and b vary
+    expect(page.locator("#picture-note")).to_contain_text("motions")
+    # The slice is that of the number beside the slider, and not of another one.
+    slider = page.get_by_label("at a =")
+    expect(page.locator("#held output")).to_have_text("-3/2")
+    with page.expect_response(re.compile(r"/grid\?.*at=%2Fpotential%2Fparameters%2Fa%3D2$")) as asked:
+        slider.press("ArrowRight")
+        expect(page.locator("#held output")).to_have_text("-2")
+        slider.blur()
+    assert asked.value.ok
+    # JSON is answered in pages of a hundred; the file has all.
+    with page.expect_download() as download:
+        page.get_by_role("button", name="JSON", exact=True).click()
+    saved = json.loads(download.value.path().read_text(encoding="utf-8"))
+    points = tab.site.service.call("GET", f"/v1/sweeps/{identity}/points?limit=1000").document["items"]
+    assert saved == points
+    assert len(saved) == 216
+    page.locator("select[name=as]").select_option("parallel")
+    expect(page.locator("#picture .xtick text")).to_have_text(["λ", "b", "a", "period"])
+    lines = "document.getElementById('picture').data"
+    lines += ".map(({customdata}) => new Set(customdata.filter((k) => k !== null)).size)"
+    solved = [point for point in points if point["outcome"] == "solved"]
+    counts = page.evaluate(lines)
+    assert sum(counts) == len(solved)
+    assert counts[0] == 0  # nothing is faint before a band is marked
+    # The upper half of the axis of a: -1 and the middle, -3/2.
+    spots = [spot_of(page, x, y) for x, y in ((1.8, 0.45), (2.2, 1.04))]
+    page.locator("#picture").scroll_into_view_if_needed()
+    box = page.locator("#picture").bounding_box()
+    page.mouse.move(box["x"] + spots[0]["x"], box["y"] + spots[0]["y"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + spots[1]["x"], box["y"] + spots[1]["y"], steps=4)
+    page.mouse.up()
+    inside = [point for point in solved if point["/potential/parameters/a"] >= -1.5]
+    expect(page.locator("#under")).to_have_text(
+        f"{len(inside)} of {len(solved)} points are in the marked bands."
+    )
+    assert page.evaluate(lines)[0] == len(solved) - len(inside)
+    page.get_by_role("button", name="Show all again").click()
+    expect(page.locator("#under")).to_be_empty()

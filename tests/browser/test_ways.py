@@ -266,8 +266,8 @@ def test_a_list_is_asked_by_text_by_facets_and_by_its_address(tab):
     page.go_back()
     expect(rows).not_to_have_count(1)
     settle(page)
-    page.get_by_label("Where").fill("perid<5")
-    page.get_by_role("button", name="Ask").click()
+    page.get_by_label("Filter").fill("perid<5")
+    page.get_by_role("button", name="Search").click()
     expect(page.locator("#where-fault")).to_contain_text("there is no column 'perid'")
     assert tab.faults == [f"422 {tab.site.address}/v1/solutions?limit=25&where=perid%3C5"]
     tab.faults.clear()

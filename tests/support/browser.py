@@ -103,7 +103,7 @@ class Weights:
         return {
             name: size
             for name, size in sent.items()
-            if "/v1/" not in name and not name.endswith("plotly.min.js")
+            if "/v1/" not in name and not name.endswith(("/readyz", "plotly.min.js"))
         }
 
 

@@ -81,6 +81,8 @@ def check_exchange(request, response) -> None:
     operation = _operation(request.method, request.url.path)
     if operation is None:  # what the document does not have can only be refused, or is the document itself
         schemas = {PROBLEM: REFUSAL} if response.is_error else {media_type: {}}
+        if "text/html" in request.headers.get("accept", ""):
+            schemas["text/html"] = {}  # people are shown a page where nothing is
     else:
         described = operation["responses"].get(str(response.status_code))
         assert described is not None, f"{where} is not described"

@@ -37,7 +37,8 @@ class Service:
         request = urllib.request.Request(self.address + path, data=body, headers=sent, method=method)
         try:
             with urllib.request.urlopen(request, timeout=120) as answer:
-                return Answer(answer.status, dict(answer.headers), json.load(answer))
+                content = answer.read()
+                return Answer(answer.status, dict(answer.headers), json.loads(content) if content else {})
         except urllib.error.HTTPError as error:
             with error:
                 return Answer(error.code, dict(error.headers), json.load(error))

@@ -1,6 +1,8 @@
 """Errors that all solvers share."""
 
+from collections.abc import Mapping
 from math import floor, inf, isfinite, log10
+from types import MappingProxyType
 
 from service.dynamics.accuracy import LARGEST_TOLERANCE, SMALLEST_TOLERANCE, GroupError
 from service.dynamics.bounds import is_within
@@ -24,6 +26,8 @@ class AccuracyNotMetError(DynamicsError):
     """The accuracy that was reached is worse than the one asked for."""
 
     code = "accuracy_not_met"
+    accepted: Mapping[str, float] = MappingProxyType({})
+    """Each measure of accuracy with a number that would have been met; empty if nobody knows one."""
 
     def __init__(
         self,
@@ -42,11 +46,13 @@ class AccuracyNotMetError(DynamicsError):
             largest = f"the largest {_NAMES.get(name, name)}, {error.size:.1e}"
             measured = f" of {largest}" if is_relative else ""
             of_what = f"; it is {relative:.1e} of {'that' if is_relative else largest}"
+        accepted = _accepted(reached, relative, is_relative=is_relative)
         super().__init__(
             f"the largest error over the asked times {found}, and the tolerance is {tolerance:.1e}{measured}"
-            f"{of_what}; {_advice(reached, relative, is_relative=is_relative)}",
+            f"{of_what}; {_advice(accepted)}",
             pointer="/accuracy",
         )
+        self.accepted = {name: float(text) for name, text in accepted.items()}
         self.reached = reached
         self.tolerance = tolerance
         self.group = group
@@ -65,6 +71,7 @@ class PeriodNotKnownError(AccuracyNotMetError):
 
     def __init__(self, period: float, error: float, tolerance: float) -> None:
         super().__init__(error / period, tolerance)
+        self.accepted = {}
         found = f"{error:.1e}" if isfinite(error) else "not known"
         DynamicsError.__init__(
             self,
@@ -79,6 +86,7 @@ class EndNotKnownError(AccuracyNotMetError):
 
     def __init__(self, at: float, error: float, tolerance: float) -> None:
         super().__init__(error, tolerance)
+        self.accepted = {}
         found = f"{error:.1e}" if isfinite(error) else "not known"
         DynamicsError.__init__(
             self,
@@ -118,24 +126,28 @@ def require_period_known(period: Period | None, tolerance: float) -> None:
         raise PeriodNotKnownError(period.hi, period.error, tolerance)
 
 
-def _advice(reached: float, relative: float, *, is_relative: bool) -> str:
-    """Return what would have been met, among what is accepted."""
+def _accepted(reached: float, relative: float, *, is_relative: bool) -> dict[str, str]:
+    """Return what would have been met, among what is accepted: decimals by their measures."""
     smallest, largest = float(SMALLEST_TOLERANCE), float(LARGEST_TOLERANCE)
-
-    def accepted(name: str, error: float) -> list[str]:
-        if not 2.0 * error <= largest:
-            return []
-        return [f'{{"{name}": {_rounded_up(max(2.0 * error, smallest))}}}']
-
-    asked = [] if is_relative else accepted("tolerance", reached)
+    errors = {} if is_relative else {"tolerance": reached}
     if is_relative or is_within(2.0 * relative, reached):
-        asked += accepted("relative", relative)
-    if not asked:
+        errors["relative"] = relative
+    return {
+        name: _rounded_up(max(2.0 * error, smallest))
+        for name, error in errors.items()
+        if 2.0 * error <= largest
+    }
+
+
+def _advice(accepted: Mapping[str, str]) -> str:
+    if not accepted:
+        smallest, largest = float(SMALLEST_TOLERANCE), float(LARGEST_TOLERANCE)
         return (
             f"no tolerance that is accepted, {smallest:.0e} to {largest:.0e}, is as large as that; "
             "times nearer to 0 may have smaller errors"
         )
-    return f"ask for {' or '.join(asked)} or more, or for times nearer to 0"
+    asked = " or ".join(f'{{"{name}": {text}}}' for name, text in accepted.items())
+    return f"ask for {asked} or more, or for times nearer to 0"
 
 
 def _rounded_up(number: float) -> str:

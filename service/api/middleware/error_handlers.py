@@ -11,6 +11,7 @@ from starlette.requests import ClientDisconnect
 
 from service.api.middleware.observing import id_of, standing_headers
 from service.api.replies.errors import ApiError, invalid_request
+from service.dashboard.routes import show_missing, wants_page
 from service.dynamics.errors import DynamicsError
 from service.jobs.records import (
     AtlasNotFoundError,
@@ -40,6 +41,8 @@ RETRY_SECONDS = 5
 _UNAVAILABLE = "unavailable"
 _OVERLOAD = ("verdicts_busy", "busy")
 """Refusals that are not logged: no defect of this service, often many at once, and counted by status."""
+_NOWHERE = ("not_found", "key_missing")
+"""Codes of the refusal of a path that does not exist; without a key nobody learns that it does not."""
 _CODES = {
     HTTPStatus.NOT_FOUND: "not_found",
     HTTPStatus.METHOD_NOT_ALLOWED: "method_not_allowed",
@@ -91,7 +94,10 @@ async def respond(request: Request, error: Exception) -> Response:
         # Unexpected errors are answered outside of the request's own context.
         with about(request_id=request_id):
             request.app.state.complaints.tell(said, trace, kind=kind, level=logging.ERROR)
-    response = refusal.response(request_id)
+    if refusal.code in _NOWHERE and wants_page(request):
+        response = show_missing(request.url.path, refusal.status, refusal.headers or {})
+    else:
+        response = refusal.response(request_id)
     response.headers.update(standing_headers(request.scope))
     return response
 

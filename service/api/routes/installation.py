@@ -166,6 +166,7 @@ def status_document(database: Database, settings: Settings) -> StatusOut:
             {"minutes": rate.minutes, **{word.value: rate.by_outcome.get(word, 0) for word in AttemptOutcome}}
             for rate in status.rates
         ],
+        "succeeded_by_minute": status.succeeded_by_minute,
     }
     return StatusOut.model_validate(document)
 

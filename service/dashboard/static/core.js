@@ -134,8 +134,12 @@ $("key-field").addEventListener("keydown", (event) => {
   $("key-dialog").close("use");
 });
 
+/** Whether the key of the tab may not do what was asked: no fault of what was sent. */
+export const isNotAllowed = (error) => error instanceof Refusal && error.status === 403 && Boolean(error.problem.needed_role);
+
 /** Return what went wrong as text, each fault with the place it points to. */
 export function troubleOf(error) {
+  if (isNotAllowed(error)) return h("div", { class: "notice" }, `This needs a key with the role ${error.problem.needed_role}; the one in use may do less.`);
   if (error instanceof Refusal) {
     const faults = error.faults.map((fault) => h("li", {}, h("code", {}, fault.pointer || "/"), " ", fault.message));
     return h("div", { class: "notice bad" },
@@ -156,7 +160,7 @@ export async function run(work, place = $("content")) {
       return;
     } catch (error) {
       shown?.remove();
-      shown = troubleOf(error);
+      shown = error instanceof Refusal && error.status === 404 ? missing(error) : troubleOf(error);
       place.prepend(shown);
       place.closest("main").setAttribute("aria-busy", "false");
       if (error instanceof Refusal && error.status < 500) return;
@@ -165,6 +169,28 @@ export async function run(work, place = $("content")) {
     }
   }
 }
+
+/** Make the page say that there is no such thing, and where to look for it. */
+function missing({ message }) {
+  const list = document.querySelector("nav a[aria-current]");
+  const what = document.querySelector("main .eyebrow")?.textContent.toLowerCase() ?? "thing";
+  document.querySelector("main h1").textContent = `There is no such ${what}`;
+  document.title = `Not found · polhode`;
+  return h("p", {}, `It may have been deleted, or the address is incomplete: ${message}. `, h("a", { href: list.href }, `All ${list.textContent.toLowerCase()}`), ".");
+}
+
+/** Return a key for a request that must not happen twice. (randomUUID is there on secure origins only.) */
+export const onceKey = () => [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
+
+/** Save some content as a file. */
+export function save(content, name) {
+  const link = h("a", { href: URL.createObjectURL(content), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+
+/** Save what the service answers as a file. */
+export const download = async (path, name) => save(await (await request(path, { headers: { Accept: "*/*" } })).blob(), name);
 
 export const pause = (milliseconds) => new Promise((resolve) => setTimeout(resolve, milliseconds));
 
@@ -203,13 +229,37 @@ export function ago(instant) {
   return "just now";
 }
 
-/** Return what a potential is, in a line. */
-export function potentialText(potential) {
-  const known = Object.entries(potential.parameters || {}).map(([name, value]) => `${name} = ${value}`);
+/** Return what a potential is, in a line, without the numbers that vary: those at ``pointers``. */
+export function potentialText(potential, pointers = []) {
+  const isFixed = (path) => !pointers.includes(`/potential/${path}`);
+  const known = Object.entries(potential.parameters || {}).filter(([name]) => isFixed(`parameters/${name}`)).map(([name, value]) => `${name} = ${value}`);
   if (potential.type === "expression") return [potential.expression, ...known].join(",  ");
-  const parts = Object.entries(potential).filter(([name]) => !["type", "parameters"].includes(name))
-    .map(([name, value]) => `${name} = ${Array.isArray(value) ? `[${value.join(", ")}]` : value}`);
+  const parts = Object.entries(potential).filter(([name]) => !["type", "parameters"].includes(name) && isFixed(name))
+    .map(([name, value]) => `${name} = ${Array.isArray(value) ? `[${value.map((part, k) => (isFixed(`${name}/${k}`) ? part : "…")).join(", ")}]` : value}`);
   return `${potential.type}: ${[...parts, ...known].join(", ")}`;
+}
+
+/** Return how people call the number at a pointer. */
+export function nameOf(pointer) {
+  const parts = pointer.split("/").filter((part) => !["", "potential", "parameters", "body", "motion"].includes(part));
+  const [first, place] = parts;
+  return { lambda: "λ", nu: "ν", omega: "pqr"[place], gamma: `γ${"₁₂₃"[place]}` }[first] ?? (parts.join(" ") || pointer);
+}
+
+export const lengthOf = (axis) => axis.values?.length ?? (axis.linspace ?? axis.logspace ?? axis.uniform)[2];
+
+/** Return words as a list in a sentence: a, b and c. */
+export const listed = (words) => [words.slice(0, -1).join(", "), words.at(-1)].filter(Boolean).join(" and ");
+
+/** Return what a sweep is, in a line: its potential without what varies, and its axes. */
+export const sweepText = ({ base, axes }) => `${potentialText(base.potential, axes.map(({ pointer }) => pointer))}, over ${listed(axes.map(({ pointer }) => nameOf(pointer)))}`;
+
+/** Return what an axis goes through, in a line. */
+export function axisText(axis) {
+  const count = lengthOf(axis);
+  const [low, high] = axis.values ? [axis.values[0], axis.values.at(-1)] : axis.linspace ?? axis.logspace ?? axis.uniform;
+  const how = axis.logspace ? ", logarithmic" : axis.uniform ? ", drawn" : "";
+  return `${nameOf(axis.pointer)} ${count > 1 ? `from ${low} to ${high}` : `= ${low}`} (${count.toLocaleString("en")} ${count > 1 ? "values" : "value"}${how})`;
 }
 
 /** Return what a motion is, in a line. */
@@ -218,6 +268,12 @@ export function motionText(motion) {
   if (motion.type === "state") return `from the state ω = (${motion.omega.join(", ")}), γ = (${motion.gamma.join(", ")})`;
   return motion.nu === undefined ? `planar, λ = ${motion.lambda}` : `planar, ν = ${motion.nu}`;
 }
+
+/** What a motion does at an end of its range, in words; the glossary of the documentation has the same ones. */
+export const ENDS = {
+  rest: "turns at rest", equator: "crosses the equator", pole: "passes a pole", equilibrium: "tends to an equilibrium", standstill: "comes to a standstill",
+  collision: "runs into a collision", edge: "reaches the edge of the domain",
+};
 
 export const bodyText = (body) => ["A", "B", "C"].filter((name) => body[name] != null).map((name) => `${name} = ${body[name]}`).join(", ");
 
@@ -242,8 +298,39 @@ export function exact(value) {
   return Number(above) / Number(below);
 }
 
+const PICTURES = { svg: "SVG, lines and text", png: "PNG, 600 dpi", pdf: "PDF, a picture of 600 dpi" };
+const FILMS = { gif: "GIF, moving", webm: "WebM, moving" };
+
+/** Give a picture a menu that saves it as a file; the module that writes files comes when the first one is wanted. */
+export function exportable(place, { moves = false } = {}) {
+  const host = place.closest(".heat") ?? place;
+  if (host.parentElement.classList.contains("figure")) return;
+  const note = h("span", { class: "hint", role: "status" });
+  const save = (kind) => async ({ currentTarget }) => {
+    note.textContent = kind in FILMS ? "Drawing…" : "";
+    await during([currentTarget], async () => {
+      const { saved } = await import("./export.js");
+      await saved(place, kind, [document.querySelector("main h1").textContent, asked().get("id")?.slice(-6), place.id], (share) => { note.textContent = `${Math.round(100 * share)} %`; });
+      note.textContent = "";
+      menu.open = false;
+      menu.firstChild.focus();
+    }).catch((error) => { note.textContent = `Not saved: ${error.message}`; });
+  };
+  const menu = h("details", { class: "export",
+    onkeydown: (event) => { if (event.key === "Escape") { menu.open = false; menu.firstChild.focus(); } },
+    onfocusout: ({ relatedTarget }) => { if (relatedTarget && !menu.contains(relatedTarget)) menu.open = false; } },
+  h("summary", { "data-export": "", "aria-label": "Save this picture", title: "Save this picture" }, "⤓"),
+  h("ul", {}, Object.entries({ ...PICTURES, ...(moves ? FILMS : {}) }).map(([kind, name]) => h("li", {}, h("button", { type: "button", class: "quiet", "data-export": kind, onclick: save(kind) }, name)))), note);
+  const figure = h("div", { class: "figure" });
+  host.replaceWith(figure);
+  figure.append(host, menu);
+}
+
 /** Return a line with the cases that a problem is, by their names; `null` if it is none. */
 export function knownCases(known) {
   if (!known?.length) return null;
   return h("p", { class: "hint" }, `Known: ${known.map(({ name, source }) => `the case ${name.replaceAll("_", " and ")} (${source})`).join(", ")}.`);
 }
+
+// A tour goes through several pages.
+if (sessionStorage.getItem("polhode.tour")) import("./tours.js").then(({ resume }) => resume());

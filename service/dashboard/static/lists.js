@@ -1,8 +1,7 @@
 // Solutions, jobs and sweeps as tables; the address holds the question, so it can be sent to others.
-import { $, ago, asked, fill, get, h, measured, motionText, number, potentialText, refill, Refusal, request, run, say } from "./core.js";
+import { $, ago, asked, download, during, fill, get, h, measured, motionText, number, potentialText, refill, Refusal, request, run, say } from "./core.js";
+import { allBox, boxOf, labelsOf, listen, refused, settled } from "./chosen.js";
 import { follow } from "./follow.js";
-import { allBox, boxOf, listen, labelsOf, refused, settled } from "./labels.js";
-import { conditions, quoted, showChips, showFacets } from "./query.js";
 
 const LIVE = ["queued", "running"];
 const LIMIT = 25;
@@ -21,23 +20,27 @@ const WHEN = ["When", "created_at", (one) => h("time", { datetime: one.created_a
 const STATE = ["State", "state", (one) => state(one.state)];
 const CANCEL = ["", null, (one) => (LIVE.includes(one.state) ? stopper(`v1/${name}/${one.id}/cancel`) : "")];
 const SOLUTIONS = {
+  example: "period<5, tier in (standard, high)",
   facets: ["family", "tier", "method", "aperiodic", "stability.verdict"],
   orders: { "created_at": "oldest first", period: "shortest period", "-period": "longest period", energy: "lowest energy", "-energy": "highest energy", error: "smallest error", "tier,-error": "by tier, in each the largest error" },
   columns: [POTENTIAL((one) => `./solution?id=${one.id}`), MOTION, ["Period", "period", (one) => (one.period ? measured(one.period) : one.aperiodic ?? "–")],
     ["Energy", "energy", (one) => (one.energy ? number(one.energy.value, 6) : "–")], ["Error", "error", (one) => h("span", { class: "value" }, number(one.error, 2))], ["Tier", "tier", (one) => one.tier], WHEN],
 };
 const JOBS = {
+  example: "state in (failed, cancelled), family=expression",
   facets: ["state", "family", "error.code"],
   orders: { created_at: "oldest first", "-seconds": "slowest", seconds: "fastest", "-attempt": "most attempts", "state,-created_at": "by state" },
   columns: [STATE, POTENTIAL((one) => one.solution && `./solution?id=${one.solution}`), MOTION, ["What happened", "error.code", what], ["Attempts", "attempt", attempts], WHEN, CANCEL],
 };
 const SWEEPS = {
+  example: "points>=1000, state in (running, succeeded)",
   facets: [],
   orders: { created_at: "oldest first", "-points": "most points", "-refused": "most refused points", "-seconds": "slowest" },
-  columns: [STATE, ["Sweep", "id", (one) => link(`./sweep?id=${one.id}`, h("code", {}, one.id.slice(0, 13)))], ["Points", "points", (one) => one.points.toLocaleString("en")],
+  columns: [STATE, ["Sweep", "family", (one) => sweepLink(one)], ["Points", "points", (one) => one.points.toLocaleString("en")],
     ["Refused", "refused", (one) => one.refused.toLocaleString("en")], ["Progress", "done", (one) => h("progress", { max: 1, value: one.progress, "aria-label": "Progress" })], WHEN, CANCEL],
 };
 const [name, kind] = { "/jobs": ["jobs", JOBS], "/sweeps": ["sweeps", SWEEPS] }[new URL(location).pathname.replace(/^.*(?=\/)/, "")] ?? ["solutions", SOLUTIONS];
+const { sweepLink } = name === "sweeps" ? await import("./sweeps.js") : {};
 
 /** The codes of failures that say little by themselves. */
 const WHY = {
@@ -50,11 +53,18 @@ function what(job) {
   if (job.error) {
     const code = String(job.error.code ?? "failed");
     const plain = code.replaceAll("_", " ");
-    return [h("strong", {}, WHY[code] ?? plain[0].toUpperCase() + plain.slice(1)), h("span", {}, `: ${job.error.detail ?? ""} `), job.error.pointer ? h("code", {}, job.error.pointer) : ""];
+    return [h("strong", {}, WHY[code] ?? plain[0].toUpperCase() + plain.slice(1)), h("span", {}, `: ${job.error.detail ?? ""} `), job.error.pointer ? h("code", {}, job.error.pointer) : "", mendings(job)];
   }
   if (job.state === "running") return h("progress", { max: 1, value: job.progress, "aria-label": "Progress" });
   if (job.state === "queued") return "waits for a worker";
   return job.reused ? "had been solved before" : "";
+}
+
+/** Links that open the problem of a failed job in the workbench: as it is, or with an accuracy that would be met. */
+function mendings({ problem, error: { accepted = {} } }) {
+  const open = (changed, ...text) => h("a", { href: `./workbench#${encodeURIComponent(JSON.stringify({ ...problem, ...changed }))}` }, ...text);
+  const proposed = Object.entries(accepted).map(([measure, value]) => open({ accuracy: { [measure]: value } }, `Open with the ${measure === "relative" ? "relative tolerance" : measure} ${number(value)}`));
+  return problem.motion ? h("span", { class: "row" }, proposed.length ? proposed : open({}, "Open in the workbench")) : "";
 }
 
 /** The number of attempts; where there were several or it failed, each with its end. */
@@ -75,6 +85,42 @@ const stopper = (path) => h("button", { type: "button", class: "quiet", onclick:
   try { await request(path, { method: "POST" }); } catch (error) { $("where-fault").textContent = error.message; }
   await show();
 } }, "Cancel");
+
+/** Return the conditions of a text: divided at commas that are in no brackets and no quotation marks. */
+function conditions(text) {
+  const found = [""];
+  let depth = 0;
+  let isQuoted = false;
+  for (const sign of text) {
+    if (sign === '"') isQuoted = !isQuoted;
+    if (!isQuoted && sign === "(") depth += 1;
+    if (!isQuoted && sign === ")") depth -= 1;
+    if (sign === "," && depth === 0 && !isQuoted) found.push("");
+    else found[found.length - 1] += sign;
+  }
+  return found.map((part) => part.trim()).filter(Boolean);
+}
+
+/** Return a value as the language writes it. */
+const quoted = (value) => (/^[\w.:+-]+$/.test(value) ? value : `"${String(value).replaceAll('"', '""')}"`);
+
+/** Show each condition as a chip that can be taken away. */
+function showChips(where, changed) {
+  const all = conditions(where);
+  refill($("chips"), all.map((condition, k) => h("li", {}, h("button", { type: "button", class: "chip", "aria-label": `Take away ${condition}`,
+    onclick: () => changed(all.filter((_, other) => other !== k).join(",")) }, condition, h("span", { "aria-hidden": "true" }, " ×")))));
+}
+
+/** Show facets; a click on a value adds it as a condition. */
+function showFacets(facets, where, changed) {
+  const present = new Set(conditions(where));
+  refill($("facets"), facets.filter(({ values }) => values.length).map(({ by, values, others }) => h("div", { class: "facet" }, h("span", { class: "hint" }, by),
+    values.map(({ value, count }) => {
+      const condition = value === null ? `${by} is null` : `${by}=${quoted(String(value))}`;
+      return h("button", { type: "button", class: "quiet", disabled: present.has(condition),
+        onclick: () => changed([...present, condition].join(",")) }, `${value ?? "none"} `, h("span", { class: "error" }, String(count)));
+    }), others ? h("span", { class: "hint" }, `and ${others} others`) : null)));
+}
 
 let next = null;
 
@@ -125,10 +171,15 @@ async function showAnswer(isUnwanted) {
     if (!(error instanceof Refusal) || error.status >= 500) throw error;
     const of = (field) => error.faults.filter(({ pointer }) => pointer === `?${field}`).map(({ message }) => message).join("; ");
     const isOrder = of("order") !== "";
+    showChips(where, go); // a condition that is refused can be taken away
+    $("table").classList.add("stale"); // rows of the question before
+    for (const id of ["more", "first"]) $(id).hidden = true;
+    $("count").textContent = "The rows above answer the question before.";
     tellFaults(isOrder ? of("where") : of("where") || error.faults.map(({ message }) => message).join("; ") || error.message, of("order"));
     return null;
   }
   tellFaults("", "");
+  $("table").classList.remove("stale");
   ({ next } = page);
   $("more").hidden = !next;
   $("count").textContent = page.total === null ? `${page.items.length} on this page` : `${page.total.toLocaleString("en")} in all`;
@@ -212,8 +263,15 @@ async function renew() {
   }
 }
 
-fill($("order"), Object.entries(kind.orders).map(([order, words]) => h("option", { value: order }, words)));
+fill($("orders"), Object.entries(kind.orders).map(([order, words]) => h("option", { value: order }, words)));
+Object.assign($("where"), { placeholder: kind.example });
+Object.assign($("order"), { placeholder: "-created_at" });
 listen(name, renew);
+$("all-csv").addEventListener("click", () => {
+  const sent = new URLSearchParams({ format: "csv" });
+  for (const part of ["where", "order"]) if (asked().get(part)) sent.set(part, asked().get(part));
+  download(`v1/${name}?${sent}`, `${name}.csv`).catch((error) => tellFaults(error.message, ""));
+});
 $("asking").addEventListener("submit", (event) => {
   event.preventDefault();
   go($("where").value.trim());
@@ -224,6 +282,10 @@ $("more").addEventListener("click", () => {
   go(following.get("where") ?? "", following.get("order") ?? "", following.get("after"));
 });
 addEventListener("popstate", arrive);
+$("new-sweep")?.addEventListener("click", () => during([$("new-sweep")], async () => {
+  const { openForm } = await import("./sweep_form.js");
+  await openForm().catch((error) => tellFaults(error.message, ""));
+}));
 writeQuestion();
 await run(renew);
 if (name !== "solutions") {

@@ -1,5 +1,5 @@
 // Pictures of many points: heat maps are painted pixel by pixel, lines are thinned to what a screen can show.
-import { h, number } from "./core.js";
+import { h, nameOf, number } from "./core.js";
 
 export const SOLVED = "solved";
 const VIRIDIS = ["#440154", "#482878", "#3e4989", "#31688e", "#26828e", "#1f9e89", "#35b779", "#6ece58", "#b5de2b", "#fde725"];
@@ -10,7 +10,7 @@ const MOST_MARKS = 1500;
 /** Points of a line that are drawn as they are; of longer ones the extremes of so many stretches. */
 const MOST_OF_A_LINE = 4000;
 
-export const short = (name) => name.split("/").at(-1);
+export const short = nameOf;
 export const words = (code) => String(code).replaceAll("_", " ");
 /** plotly reads a little markup in texts: what people have named must not become it. */
 const plain = (text) => String(text).replaceAll("<", "‹").replaceAll(">", "›");
@@ -56,6 +56,7 @@ export function shadesOf({ numbers, codes, words: known }, isLog) {
     if (value < low && value > -Infinity) low = value;
     if (value > high && value < Infinity) high = value;
   }
+  if (low > high) [low, high] = [0, 1]; // no point has a number, or none yet
   return { shown, low, high: high > low ? high : low + 1, isLog };
 }
 
@@ -235,4 +236,42 @@ export function shownAt({ plane, cell, of, where }) {
   const code = plane.codes[cell];
   const what = code < 0 ? "not computed yet" : plane.words[code] === SOLVED ? `${short(of)} = ${number(plane.numbers[cell], 10)}` : words(plane.words[code]);
   return `${where.map(([name, value]) => `${short(name)} = ${number(value, 6)}`).join(", ")}: ${what}`;
+}
+
+/**
+ * Return points as lines through upright axes, one for each pointer and one for the kept number, in its colours.
+ *
+ * ``bands`` has by the place of an axis the stretch, from 0 to 1, that somebody has marked: lines beside it become faint.
+ * (plotly's own kind of this picture compiles programs while it runs, which the policy of the page forbids.)
+ */
+export function parallel({ plane, pointers, of, shades, isLog, bands, colours }) {
+  const names = [...pointers, of];
+  const sides = names.map((name, place) => {
+    const isRaised = place < pointers.length && isLog(name);
+    const values = place < pointers.length ? plane.columns(name) : shades.shown;
+    return { values, at: isRaised ? Math.log : (value) => value };
+  });
+  const cells = [...plane.codes.keys()].filter((cell) => sides.every(({ values, at }) => Number.isFinite(at(values[cell]))) && plane.words[plane.codes[cell]] === SOLVED);
+  const scaled = sides.map(({ values, at }) => {
+    const [low, high] = endsOf(cells.map((cell) => values[cell]));
+    const width = at(high) - at(low);
+    return { low, high, at: (cell) => (width ? (at(values[cell]) - at(low)) / width : 0.5) };
+  });
+  const isInside = (cell) => [...bands].every(([place, [low, high]]) => scaled[place].at(cell) >= low && scaled[place].at(cell) <= high);
+  const inside = cells.filter(isInside);
+  const step = Math.max(1, Math.ceil(cells.length / MOST_MARKS));
+  const drawn = cells.filter((_, n) => n % step === 0);
+  const chosen = new Set(inside);
+  const shadeOf = (cell) => Math.min(VIRIDIS.length - 1, Math.floor(VIRIDIS.length * scaled.at(-1).at(cell)));
+  const trace = (some, line) => ({ type: "scatter", mode: "lines", hoverinfo: "none", showlegend: false, line: { width: 1, ...line },
+    x: some.flatMap(() => [...names.keys(), null]), y: some.flatMap((cell) => [...scaled.map(({ at }) => at(cell)), null]), customdata: some.flatMap((cell) => [...names.map(() => cell), null]) });
+  const traces = [trace(drawn.filter((cell) => !chosen.has(cell)), { color: colours.line }),
+    ...VIRIDIS.map((color, shade) => trace(drawn.filter((cell) => chosen.has(cell) && shadeOf(cell) === shade), { color }))];
+  const end = (place, y, value) => ({ x: place, y, text: number(value, 4), showarrow: false, yanchor: y ? "bottom" : "top", font: { size: 11, color: colours.soft } });
+  return { traces, found: { drawn: drawn.length, inside: inside.length, of: cells.length }, layout: {
+    xaxis: { tickvals: [...names.keys()], ticktext: names.map((name, place) => plain(place === pointers.length && shades.isLog ? `log₁₀ |${short(name)}|` : short(name))), range: [-0.25, names.length - 0.75], fixedrange: true, showgrid: false, zeroline: false, showline: false, side: "top" },
+    yaxis: { visible: false, range: [-0.08, 1.08], fixedrange: true }, annotations: scaled.flatMap(({ low, high }, place) => [end(place, 0, low), end(place, 1, high)]),
+    shapes: [...names.keys()].map((place) => ({ type: "line", x0: place, x1: place, y0: 0, y1: 1, line: { color: colours.ink, width: 1 } }))
+      .concat([...bands].map(([place, [low, high]]) => ({ type: "rect", x0: place - 0.03, x1: place + 0.03, y0: Math.max(0, low), y1: Math.min(1, high), line: { width: 0 }, fillcolor: colours.c2, opacity: 0.5 }))),
+    selections: [], hovermode: "closest", dragmode: "select", showlegend: false, margin: { l: 30, r: 30, t: 44, b: 20 } } };
 }

@@ -1,5 +1,5 @@
 // What a click starts: the computation of a problem, of a point of a sweep, of a finer sweep.
-import { $, exact, fill, get, h, number, post, say, troubleOf } from "./core.js";
+import { $, exact, fill, get, h, lengthOf, number, onceKey, post, say, troubleOf } from "./core.js";
 import { follow } from "./follow.js";
 
 const OVER = ["succeeded", "failed", "cancelled"];
@@ -71,9 +71,6 @@ export async function showPoint(path, document, index) {
   say(`point ${index}: ${String(row.outcome).replaceAll("_", " ")}`);
 }
 
-/** Return a key for a request that must not happen twice. (randomUUID is there on secure origins only.) */
-const onceKey = () => [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
-
 const field = (name, label, value, step = "any") => h("label", {}, `${label} `, h("input", { name, type: "number", step, value, required: true, min: step === "1" ? 1 : null }));
 
 let offered = null;
@@ -86,8 +83,6 @@ export function showStretches(stretches, short) {
   fill($("stretches"), stretches.map(({ axis, from, to }, n) => h("fieldset", { class: "row" }, h("legend", { class: "unseen" }, axis.pointer), h("span", { class: "formula" }, short(axis.pointer)),
     field(`from${n}`, "from", from), field(`to${n}`, "to", to), field(`count${n}`, "points", lengthOf(axis), "1"))));
 }
-
-export const lengthOf = (axis) => axis.values?.length ?? (axis.linspace ?? axis.logspace ?? axis.uniform)[2];
 
 /** Return the document of a sweep over narrower stretches; ``held`` has the numbers of the axes that are left out. */
 export function narrowed(document, stretches, held) {

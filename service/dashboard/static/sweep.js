@@ -1,20 +1,22 @@
 // One sweep: its progress, its kept numbers over one or two axes, its points.
-import { $, asked, copier, fill, get, h, number, potentialText, request, run, say, troubleOf } from "./core.js";
+import { $, asked, axisText, copier, download, exact, fill, get, h, lengthOf, nameOf, number, potentialText, request, run, save, say, troubleOf } from "./core.js";
 import { linesOf, planeOf } from "./arrays.js";
 import { draw } from "./chart.js";
 import { follow } from "./follow.js";
-import { cloud, countsOf, endsOf, frame, legend, lines, paint, scaleOf, shadesOf, short, shownAt, SOLVED, words } from "./planes.js";
-import { askAndStart, lengthOf, narrowed, showPoint, showStretches } from "./starting.js";
+import { cloud, countsOf, endsOf, frame, legend, lines, paint, parallel, scaleOf, shadesOf, short, shownAt, SOLVED, words } from "./planes.js";
+import { askAndStart, narrowed, showPoint, showStretches } from "./starting.js";
 
 const FORMATS = { json: "JSON", csv: "CSV", ndjson: "NDJSON", npz: "NPZ (NumPy)", arrow: "Arrow", parquet: "Parquet" };
 const OVER = ["succeeded", "failed", "cancelled"];
 const MOST_CELLS = 1e6;
+/** Points that are read for parallel coordinates, where each is a line through all axes. */
+const MOST_PARALLEL = 2e5;
 /** While a sweep runs its picture is drawn anew so often at most, in milliseconds. */
 const EVERY = 3000;
 
 let sweep = null;
 let shown = null;
-const view = { x: null, y: null };
+const view = { x: null, y: null, bands: new Map() };
 const path = `v1/sweeps/${encodeURIComponent(asked().get("id") ?? "none")}`;
 const [form, picture, canvas] = [$("choice"), $("picture"), $("cells")];
 const axes = () => sweep.document.axes;
@@ -27,6 +29,10 @@ function showProgress(found) {
   const tile = (name, value, note) => h("div", {}, h("dt", {}, name), h("dd", {}, value, note ? h("span", { class: "error" }, note) : null));
   fill($("progress"), tile("State", state), tile("Done", `${done.toLocaleString("en")} of ${all.toLocaleString("en")}`, left ? `about ${number(left, 2)} s more` : null),
     tile("Without a motion", refused.toLocaleString("en")), tile("Time for a point", each ? `${number(1000 * each, 2)} ms` : "–"));
+  const kinds = sweep.provenances;
+  const hosts = new Set(kinds.flatMap((kind) => kind.hosts)).size;
+  const unlike = kinds.length > 1 ? `, of ${kinds.length} kinds: last digits may depend on which of them computed a point, within the claimed errors` : "";
+  $("computed").textContent = hosts ? `Computed on ${hosts === 1 ? "one host" : `${hosts} hosts`}${unlike}.` : "";
 }
 
 async function showRefusals() {
@@ -43,13 +49,18 @@ function choices() {
   fill(form.of, sweep.document.keep.map((name) => option(name, sweep.document.keep[0])));
   fill(form.x, varied.map((name) => option(name, varied[0])));
   fill(form.y, h("option", { value: "" }, "nothing else"), varied.map((name) => option(name, isGrid() ? varied[1] ?? "" : "")));
+  form.as.closest("label").hidden = varied.length < 2 || sweep.points > MOST_PARALLEL;
+  if (!isGrid() && varied.length > 2 && sweep.points <= MOST_PARALLEL) form.as.value = "parallel";
   form.logx.checked = Boolean(axisOf(varied[0]).logspace);
   form.logy.checked = Boolean(varied[1] && axisOf(varied[1]).logspace);
 }
 
 /** Return what shall be drawn: the number, the axes, and of the others the one that makes several lines. */
 function wish() {
-  const { of, x, y, log, logx, logy } = Object.fromEntries(new FormData(form));
+  const { of, x, y, log, logx, logy, as } = Object.fromEntries(new FormData(form));
+  const isParallel = as === "parallel";
+  for (const name of ["x", "y", "logx", "logy"]) form[name].closest("label").hidden = isParallel;
+  if (isParallel) return { of, x, y: "", group: null, held: [], log: Boolean(log), isParallel };
   const second = y === x ? "" : y;
   const rest = axes().map(({ pointer }) => pointer).filter((name) => ![x, second].includes(name));
   const fits = rest.length > 0 && lengthOf(axisOf(x)) * lengthOf(axisOf(rest[0])) <= MOST_CELLS;
@@ -57,19 +68,70 @@ function wish() {
   return { of, x, y: second, group, held: isGrid() ? rest : [], log: Boolean(log), logx: Boolean(logx), logy: Boolean(logy) };
 }
 
+/** Return the number at a place of an axis, as text; drawn ones are known by their places only. */
+function valueAt(axis, place) {
+  const [low, high, count] = axis.linspace ?? axis.logspace ?? [0, 0, 2];
+  if (axis.values) return String(axis.values[place]);
+  if (axis.uniform) return `drawn value ${place + 1}`;
+  const share = count > 1 ? place / (count - 1) : 0;
+  return number(axis.linspace ? exact(low) + share * (exact(high) - exact(low)) : exact(low) * (exact(high) / exact(low)) ** share, 5);
+}
+
 /** Offer a place on each axis that is neither drawn nor makes lines. */
 function showHeld(held) {
   const inputs = [...$("held").querySelectorAll("input")];
-  if (inputs.length && inputs.map(({ name }) => name).join() === held.join()) return; // somebody may be in one
+  if (inputs.length === held.length && inputs.map(({ name }) => name).join() === held.join()) return; // somebody may be in one
   const known = Object.fromEntries(new FormData($("held")));
-  fill($("held"), held.map((pointer) => h("label", {}, `${short(pointer)}, value number `,
-    h("input", { type: "number", name: pointer, min: 0, max: lengthOf(axisOf(pointer)) - 1, step: 1, value: known[pointer] ?? 0 }))));
+  fill($("held"), held.map((pointer) => {
+    const axis = axisOf(pointer);
+    const shown = h("output", { class: "value" });
+    const slider = h("input", { type: "range", name: pointer, min: 0, max: lengthOf(axis) - 1, step: 1, value: known[pointer] ?? lengthOf(axis) >> 1 });
+    const tell = () => {
+      shown.textContent = valueAt(axis, Number(slider.value));
+      slider.ariaValueText = shown.textContent;
+    };
+    slider.addEventListener("input", tell);
+    tell();
+    return h("span", { class: "row" }, h("label", {}, `at ${nameOf(pointer)} = `, slider), shown);
+  }));
   $("held").hidden = held.length === 0;
+}
+
+/** Draw each point as a line through all axes; those beside the marked bands become faint. */
+async function redrawParallel(plane, asks) {
+  shown = { ...asks, plane, scales: null, shades: shadesOf(plane, asks.log) };
+  canvas.hidden = true;
+  const pointers = axes().map(({ pointer }) => pointer);
+  const made = await draw(picture, (colours) => {
+    const { found, ...drawing } = parallel({ ...shown, pointers, isLog: (pointer) => Boolean(axisOf(pointer)?.logspace), bands: view.bands, colours });
+    shown.found = found;
+    return drawing;
+  });
+  const { drawn, inside, of: all } = shown.found;
+  tellCounts(plane);
+  $("under").textContent = view.bands.size ? `${inside.toLocaleString("en")} of ${all.toLocaleString("en")} points are in the marked bands.` : "";
+  if (drawn < all) $("picture-note").textContent += ` Of these every ${Math.ceil(all / drawn).toLocaleString("en")}th is drawn.`;
+  $("whole").hidden = !view.bands.size;
+  $("finer").hidden = true;
+  fill($("marks"));
+  return made;
+}
+
+function tellCounts(plane) {
+  const drawn = plane.counts[plane.words.indexOf(SOLVED)] ?? 0;
+  const without = plane.counts.reduce((sum, count) => sum + count, 0) - drawn;
+  const waiting = plane.codes.length - drawn - without;
+  $("picture-note").textContent = `${drawn.toLocaleString("en")} motions, ${without.toLocaleString("en")} points without one${waiting ? `, ${waiting.toLocaleString("en")} to come` : ""}.`;
 }
 
 async function redraw(plane = shown.plane, asks = shown) {
   const { x, y, of } = asks;
   plane.counts ??= countsOf(plane);
+  if (asks.isParallel) {
+    await redrawParallel(plane, asks);
+    listen();
+    return;
+  }
   const positive = (pointer) => endsOf(plane.columns ? plane.columns(pointer) : plane.values[pointer])[0] > 0;
   const [isLogX, isLogY] = [asks.logx && positive(x), asks.logy && Boolean(y) && positive(y)];
   const scales = plane.values && y ? { x: scaleOf(plane.values[x], isLogX), y: scaleOf(plane.values[y], isLogY) } : null;
@@ -90,10 +152,7 @@ async function redraw(plane = shown.plane, asks = shown) {
   listen();
   // What is painted is seen after the next frame.
   requestAnimationFrame(() => setTimeout(() => performance.mark("points-drawn")));
-  const drawn = plane.counts[plane.words.indexOf(SOLVED)] ?? 0;
-  const without = plane.counts.reduce((sum, count) => sum + count, 0) - drawn;
-  const waiting = plane.codes.length - drawn - without;
-  $("picture-note").textContent = `${drawn.toLocaleString("en")} motions, ${without.toLocaleString("en")} points without one${waiting ? `, ${waiting.toLocaleString("en")} to come` : ""}.`;
+  tellCounts(plane);
   $("whole").hidden = !(view.x || view.y);
   stretches();
 }
@@ -132,6 +191,12 @@ function listen() {
   picture.dataset.heard = "yes";
   picture.on("plotly_click", ({ points: [clicked] }) => { if (Number.isInteger(clicked.customdata)) open(clicked.customdata); });
   picture.on("plotly_afterplot", repaint);
+  picture.on("plotly_selected", (event) => {
+    if (!event?.range || !shown.isParallel) return;
+    const [[left, right], [low, high]] = [event.range.x, event.range.y].map((ends) => [...ends].sort((one, other) => one - other));
+    for (let place = Math.max(0, Math.ceil(left)); place <= Math.min(axes().length, right); place += 1) view.bands.set(place, [low, high]);
+    redraw().catch(failed);
+  });
   picture.on("plotly_relayout", (event) => {
     if (!Object.keys(event).some((name) => /^[xy]axis\.range/.test(name))) return;
     const ends = ({ range, type }) => [...range].sort((left, right) => left - right).map((value) => (type === "log" ? 10 ** value : value));
@@ -176,8 +241,8 @@ async function start() {
 async function show() {
   showProgress(await get(path));
   const { document: stated } = sweep;
-  $("title").textContent = potentialText(stated.base.potential);
-  $("subtitle").textContent = `${sweep.points.toLocaleString("en")} points over ${stated.axes.map(({ pointer }) => pointer).join(" and ")}, ${stated.combine ?? "grid"}`;
+  $("title").textContent = potentialText(stated.base.potential, stated.axes.map(({ pointer }) => pointer));
+  $("subtitle").textContent = `${sweep.points.toLocaleString("en")} points: ${stated.axes.map(axisText).join(isGrid() ? " × " : ", together with ")}`;
   fill($("labels"), Object.entries(sweep.labels).map(([name, value]) => h("li", {}, h("a", { class: "chip", href: `./sweeps?where=${encodeURIComponent(`label.${name}="${value.replaceAll('"', '""')}"`)}` }, `${name}: ${value}`))));
   $("note").textContent = sweep.note ?? "";
   document.title = `Sweep · ${$("title").textContent} · polhode`;
@@ -185,18 +250,19 @@ async function show() {
   const url = new URL(".", document.baseURI).href;
   fill($("copies"), copier("Copy as curl", () => `curl -s '${url}${path}/points?format=csv' -H 'Accept: text/csv'`),
     copier("Copy as Python", () => `import polhode as ph\n\nsweep = ph.connect(${JSON.stringify(url)}).stored_sweep(${JSON.stringify(sweep.id)})\nprint(sweep.values(${JSON.stringify(form.of.value)}))\n`));
-  fill($("downloads"), h("ul", { class: "buttons" }, Object.entries(FORMATS).map(([format, name]) => h("li", {}, h("button", { type: "button", onclick: () => download(format).catch(failed) }, name)))));
+  fill($("downloads"), h("ul", { class: "buttons" }, Object.entries(FORMATS).map(([format, name]) => h("li", {}, h("button", { type: "button", onclick: () => savePoints(format).catch(failed) }, name)))));
   $("body").hidden = false;
   if (!form.x.options.length) choices(); // once: when the service is back, somebody has chosen
   // The library of charts comes while the points are on their way.
   await Promise.all([draw(picture, () => ({ traces: [], layout: {} })), renew()]);
 }
 
-async function download(format) {
-  const content = await (await request(`${path}/points?format=${format}`, { headers: { Accept: "*/*" } })).blob();
-  const link = h("a", { href: URL.createObjectURL(content), download: `sweep-${sweep.id}.${format}` });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+/** Save all points. As JSON the service answers with pages: the lines of NDJSON make the whole list. */
+async function savePoints(format) {
+  const name = `sweep-${sweep.id}.${format}`;
+  if (format !== "json") return download(`${path}/points?format=${format}`, name);
+  const lines = await (await request(`${path}/points?format=ndjson`, { headers: { Accept: "*/*" } })).text();
+  return save(new Blob(["[\n", lines.trimEnd().replaceAll("\n", ",\n"), "\n]\n"], { type: "application/json" }), name);
 }
 
 let latest = 0;
@@ -208,7 +274,7 @@ async function renew() {
   const mine = latest;
   const asks = wish();
   showHeld(asks.held);
-  const [plane] = await Promise.all([planeOf(path, axes(), isGrid(), asks, new FormData($("held"))), showRefusals()]);
+  const [plane] = await Promise.all([planeOf(path, axes(), isGrid() && !asks.isParallel, asks, new FormData($("held"))), showRefusals()]);
   if (mine === latest) await redraw(plane, asks);
 }
 
@@ -224,14 +290,14 @@ async function keepUp() {
 }
 
 form.addEventListener("change", ({ target }) => {
-  if (target.name !== "log") Object.assign(view, { x: null, y: null });
+  if (target.name !== "log") Object.assign(view, { x: null, y: null, bands: new Map() });
   else if (!form.y.value) view.y = null;
   if (target.name === "x" || target.name === "y") for (const side of ["x", "y"]) form[`log${side}`].checked = Boolean(form[side].value && axisOf(form[side].value).logspace);
   renew().catch(failed);
 });
 $("held").addEventListener("change", () => renew().catch(failed));
 $("whole").addEventListener("click", () => {
-  Object.assign(view, { x: null, y: null });
+  Object.assign(view, { x: null, y: null, bands: new Map() });
   redraw().catch(failed);
 });
 $("pick").addEventListener("submit", (event) => {

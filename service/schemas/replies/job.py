@@ -101,6 +101,10 @@ class ChunkJobOut(ResponseModel):
     created_at: datetime = Field(description="When it was queued, UTC.")
     started_at: datetime | None = Field(description="When the last attempt began.")
     finished_at: datetime | None = Field(description="When it came to its final state.")
+    host: str | None = Field(description="The host that computed its points; null if that is not known.")
+    provenance: int | None = Field(
+        description="Which of the `provenances` of its sweep that host has, from 0; null as `host`."
+    )
 
 
 class ChunkJobPageOut(ResponseModel):
@@ -191,6 +195,9 @@ class StatusOut(ResponseModel):
     queue: list[QueuePartOut] = Field(description="The live jobs; what there is none of is left out.")
     workers: list[WorkerOut] = Field(description="Workers and services that were seen lately.")
     rates: list[RateOut] = Field(description="Of the last 1, 5 and 15 minutes.")
+    succeeded_by_minute: list[int] = Field(
+        description="Attempts with a result in each of the last 15 minutes, the latest minute last."
+    )
 
 
 class FaultOut(ResponseModel):

@@ -5,6 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from service.dynamics.bounds import ErrorKind
 from service.schemas.replies.job import ClusterOut, StateName
 from service.schemas.replies.response_model import ResponseModel
 from service.schemas.replies.verdict import KnownCaseOut, NoticeOut
@@ -31,8 +32,10 @@ class WindowOut(ResponseModel):
 
     index: int = Field(description="Its number among the windows of the curve, from 0.")
     ends: tuple[str, str] = Field(
-        description="Ends at the smallest and the largest |g1|: `pole`, `rest`, `equator`, `equilibrium`,"
-        " `standstill`, `collision` or `edge`."
+        description="What the motion does at the smallest and the largest |g1|: `rest` it turns at rest,"
+        " `equator` crosses the equator, `pole` passes a pole, `equilibrium` tends to an equilibrium,"
+        " `standstill` comes to a standstill, `collision` runs into a collision, `edge` reaches the edge of"
+        " the domain."
     )
     g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
     g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")
@@ -92,7 +95,13 @@ class StabilityOut(ResponseModel):
     )
     multipliers_error: float = Field(description="Bound of the absolute error of each multiplier.")
     verdict: Literal["stable", "unstable", "marginal"] = Field(
-        description="`stable` if |trace| < 2, `unstable` if > 2, `marginal` if the error does not tell."
+        description="Against leaving its plane the motion is linearly `stable` if |trace| < 2, `unstable` if"
+        " > 2, `marginal` if the error does not tell."
+    )
+    proof: Literal["theorem", "estimate"] | None = Field(
+        default=None,
+        description="`theorem`: the trace is enclosed by balls, and the verdict with it. Null for solutions"
+        " of earlier versions: an estimate.",
     )
     exponent: float = Field(description="Growth per unit time, log|μ| / T.")
     exponent_error: float = Field(description="Bound of the absolute error of the exponent.")
@@ -100,7 +109,8 @@ class StabilityOut(ResponseModel):
         description="The trace from Lamé's equation, where it applies: a second, independent value."
     )
     trusted_time: float | None = Field(
-        description="How long integration in doubles keeps the tolerance; null if beyond a million periods."
+        description="Until this time at best, double precision keeps the problem's tolerance; null if beyond"
+        " a million periods."
     )
 
 
@@ -188,6 +198,13 @@ class SolutionOut(ResponseModel):
         description="The errors of `omega` (p, q, r) and `gamma` (g1, g2, g3), with the orientation also of"
         " `quaternion`, `psi1` and `psi3`; empty without samples. Null for solutions of earlier"
         " versions."
+    )
+    error_kind: dict[str, ErrorKind] | None = Field(
+        description="How each error is known, by the path of its number in this document: `theorem`: proved"
+        " by balls that contain every value; `estimate`: counted rounding by rounding and term by term, but"
+        " not proved; `difference`: independent computations were compared. `samples` are the six variables"
+        " at the asked times, `function` is the function of time that any others come from, `orientation`"
+        " the attitude. Null for solutions of earlier versions."
     )
     cross_check: CrossCheckOut | None = Field(description="With the method `both`.")
     stability: StabilityOut | None = Field(

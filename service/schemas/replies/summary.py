@@ -81,6 +81,7 @@ class StabilitySummary(TypedDict):
     multipliers: Sequence[Sequence[float]]
     multipliers_error: float
     verdict: str
+    proof: NotRequired[str]
     exponent: float
     exponent_error: float
     closed_form_trace: EstimateSummary | None
@@ -141,6 +142,7 @@ class SolutionSummary(TypedDict):
     invariants: Mapping[str, IntegralSummary] | None
     error: float
     errors: NotRequired[Mapping[str, GroupErrorSummary]]
+    error_kind: NotRequired[Mapping[str, str]]
     cross_check: CrossCheckSummary | None
     stability: StabilitySummary | None
     precession: PrecessionSummary | None

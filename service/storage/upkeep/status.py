@@ -7,13 +7,13 @@ that the cost does not grow with the history.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import pairwise
 
-from sqlalchemy import func, select
+from sqlalchemy import case, func, select
 from sqlalchemy.orm import Session
 
-from service.jobs.cluster import ClusterState
-from service.jobs.kernels import Kernels
-from service.jobs.records import FINISHED, JobState
+from service.jobs.kernels import ClusterState, Kernels
+from service.jobs.records import FINISHED, AttemptOutcome, JobState
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant
 from service.storage.tables.jobs import AttemptRow, JobRow
@@ -21,6 +21,8 @@ from service.storage.tables.operations import WorkerRow
 
 LIVE_STATES = tuple(state.value for state in JobState if state not in FINISHED)
 RATE_MINUTES = (1, 5, 15)
+CURVE_MINUTES = max(RATE_MINUTES)
+"""Minutes that are counted one by one."""
 MOST_WORKERS = 1000
 MOST_RUNNING = 10_000
 
@@ -82,17 +84,23 @@ class InstallationStatus:
     queue: tuple[QueuePart, ...]
     workers: tuple[WorkerStatus, ...]
     rates: tuple[Rate, ...]
+    succeeded_by_minute: tuple[int, ...]
+    """Successful attempts that ended in each of the last minutes, the latest one last."""
 
 
 def status_of(database: Database, *, seen_seconds: float) -> InstallationStatus:
     """Return what goes on; a worker that has been silent for longer than ``seen_seconds`` is left out."""
     with database.read() as session:
         now = database_now(session)
+        within = _ended_within(session, now)
+        succeeded = [counts.get(AttemptOutcome.SUCCEEDED.value, 0) for counts in within]
+        by_minute = [more - fewer for fewer, more in pairwise([0, *succeeded])]
         return InstallationStatus(
             instant(now),
             tuple(_queue(session, now)),
             tuple(_workers(session, now, seen_seconds)),
-            tuple(_rates(session, now)),
+            tuple(Rate(minutes, within[minutes - 1]) for minutes in RATE_MINUTES),
+            tuple(reversed(by_minute)),
         )
 
 
@@ -133,10 +141,10 @@ def _workers(session: Session, now: float, seen_seconds: float) -> Sequence[Work
     ]
 
 
-def _rates(session: Session, now: float) -> Sequence[Rate]:
-    rates = []
-    for minutes in RATE_MINUTES:
-        ended = select(AttemptRow.outcome, func.count()).where(AttemptRow.ended_at > now - 60.0 * minutes)
-        counts = session.execute(ended.group_by(AttemptRow.outcome)).all()
-        rates.append(Rate(minutes, {str(outcome): int(count) for outcome, count in counts}))
-    return rates
+def _ended_within(session: Session, now: float) -> list[Mapping[str, int]]:
+    """Return how many attempts ended with each outcome within the last minute, the last two, and so on."""
+    since = [now - 60.0 * minutes for minutes in range(1, CURVE_MINUTES + 1)]
+    counted = [func.sum(case((AttemptRow.ended_at > start, 1), else_=0)) for start in since]
+    ended = select(AttemptRow.outcome, *counted).where(AttemptRow.ended_at > since[-1])
+    rows = session.execute(ended.group_by(AttemptRow.outcome)).all()
+    return [{str(outcome): int(counts[k]) for outcome, *counts in rows} for k in range(CURVE_MINUTES)]

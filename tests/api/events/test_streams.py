@@ -61,7 +61,7 @@ def test_the_event_is_what_get_answers(app, jobs):
             async with Stream(app, "/v1/events") as stream:
                 first = await stream.next()
                 assert first.name == "status"
-                assert first.document.keys() == {"at", "queue", "workers", "rates"}
+                assert first.document.keys() == {"at", "queue", "workers", "rates", "succeeded_by_minute"}
                 event = await stream.next()
                 assert (event.name, event.data) == ("job", await get(app, f"/v1/jobs/{job.id}"))
                 await asyncio.to_thread(jobs.cancel, job.id)

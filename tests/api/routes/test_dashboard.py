@@ -1,6 +1,7 @@
 """The shells and files of the page: open where there are keys, without other hosts, kept for ever."""
 
 import re
+from urllib.parse import urljoin
 
 import pytest
 
@@ -62,3 +63,30 @@ def test_plotly_is_that_of_its_wheel(client):
 @pytest.mark.parametrize("name", ["none.js", "..%2froutes.py", "__init__.py"])
 def test_nothing_else_is_served(client, name):
     assert client.get(f"/static/page/x/{name}").status_code == 404
+
+
+PAGE = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
+
+
+@pytest.mark.parametrize("path", ["/nowhere", "/solutions/019f0000-0000-7000-8000-000000000001", "/a/b/"])
+def test_an_unknown_address_has_a_page_whose_links_hold_wherever_it_is(client, database, path):
+    answer = client.get(path, headers=PAGE)
+    assert (answer.status_code, answer.headers["Content-Type"]) == (404, "text/html; charset=utf-8")
+    assert "There is no such page" in answer.text
+    assert answer.headers["Content-Security-Policy"].startswith("default-src 'none'")
+    linked = {
+        urljoin(path, link) for link in LINK.findall(answer.text) if not link.startswith(("data:", "#"))
+    }
+    assert {*PAGES} - {"/solution", "/sweep"} <= linked
+    assert all(client.get(link).status_code == 200 for link in linked)
+    # Without a key nobody learns whether a path exists: the page is the same.
+    make(database, Role.READ)
+    locked = client.get(path, headers=PAGE)
+    assert (locked.status_code, locked.text) == (401, answer.text)
+
+
+def test_programs_and_the_api_get_problem_documents(client):
+    for path, headers in (("/nowhere", {}), ("/v1/nowhere", PAGE), ("/v1/solutions/x", PAGE)):
+        answer = client.get(path, headers=headers)
+        assert (answer.status_code, answer.headers["Content-Type"]) == (404, "application/problem+json")
+    assert client.post("/nowhere", headers=PAGE).headers["Content-Type"] == "application/problem+json"

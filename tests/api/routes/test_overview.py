@@ -4,11 +4,13 @@ import json
 from dataclasses import asdict
 
 import pytest
+from sqlalchemy import update
 
-from service.jobs.cluster import ClusterState, LeftOut
+from service.jobs.kernels import ClusterState, LeftOut
 from service.local.worker_process import WorkerProcess
 from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.tables.base import DatabaseNow
+from service.storage.tables.jobs import AttemptRow
 from service.storage.tables.operations import WorkerRow
 from tests.support.api import STATE, finish
 from tests.support.sweeps import POINTS, SWEEP, finish_sweep
@@ -74,6 +76,18 @@ def test_attempts_that_ended_lately_are_counted_by_outcome(client, jobs):
     for rate in status(client)["rates"]:
         assert (rate["succeeded"], rate["lost"], rate["failed"]) == (1, 1, 0)
     assert [rate["minutes"] for rate in status(client)["rates"]] == [1, 5, 15]
+
+
+def test_results_are_counted_minute_by_minute(client, jobs, database):
+    for ago in (30.0, 90.0, 100.0, 890.0, 910.0):  # the last is older than 15 minutes
+        client.post("/v1/jobs", json={**STATE, "time": {"stop": ago, "samples": 3}})
+        attempt = finish(jobs).job.id
+        with database.write() as session:
+            change = update(AttemptRow).where(AttemptRow.job_id == attempt)
+            session.execute(change.values(ended_at=AttemptRow.ended_at - ago))
+    found = status(client)
+    assert found["succeeded_by_minute"] == [1, *[0] * 12, 2, 1]
+    assert [rate["succeeded"] for rate in found["rates"]] == [1, 3, 4]
 
 
 def test_attempts_have_their_reasons(client, jobs):

@@ -18,8 +18,10 @@ ADVISED = re.compile(r'\{"tolerance": ([^}]*)\} or more')
 
 @given(st.floats(min_value=1e-30, max_value=1e80))
 def test_the_tolerance_that_is_advised_is_large_enough_and_accepted(reached):
-    message = AccuracyNotMetError(reached, reached / 2).message
+    error = AccuracyNotMetError(reached, reached / 2)
+    message = error.message
     advised = ADVISED.search(message)
+    assert error.accepted == ({} if advised is None else {"tolerance": float(advised[1])})
     if advised is None:
         assert 2 * reached > LARGEST_TOLERANCE
         assert "1e-15 to 1e-02" in message
@@ -31,7 +33,9 @@ def test_the_tolerance_that_is_advised_is_large_enough_and_accepted(reached):
 
 @pytest.mark.parametrize("reached", [float("inf"), float("nan"), 3.5e58])
 def test_no_tolerance_is_advised_where_none_would_do(reached):
-    assert ADVISED.search(AccuracyNotMetError(reached, 1e-10).message) is None
+    error = AccuracyNotMetError(reached, 1e-10)
+    assert ADVISED.search(error.message) is None
+    assert error.accepted == {}
 
 
 @pytest.mark.parametrize(
@@ -52,3 +56,4 @@ def test_the_error_points_to_what_was_sent(monkeypatch, accuracy, pointer):
     error = solve_document(json.dumps(document)).error
     assert (error["code"], error["pointer"]) == ("accuracy_not_met", pointer)
     assert '{"tolerance": 2e-09}' in error["detail"]
+    assert error["accepted"] == {"tolerance": 2e-9}

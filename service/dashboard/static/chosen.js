@@ -1,7 +1,12 @@
-// Labels and notes of many rows at once: which are chosen, what is sent for each, what became of it.
-import { $, during, fill, h, request, say } from "./core.js";
+// Many rows at once: which are chosen, what is done with each, and what became of it.
+import { $, download, during, fill, get, h, onceKey, post, request, say } from "./core.js";
 
 const TOGETHER = 4;
+const LIVE = ["queued", "running"];
+/** Solutions that one page compares. */
+const MOST_COMPARED = 6;
+/** Rows that one condition names. */
+const MOST_NAMED = 200;
 
 /** The chosen rows, by id; they stay chosen while the table is renewed. */
 export const chosen = new Map();
@@ -11,6 +16,8 @@ export const refused = new Map();
 function showCount() {
   $("bulk").hidden = chosen.size === 0 && !$("bulk").contains(document.activeElement); // nobody loses the control that they are at
   $("chosen").textContent = chosen.size ? `${chosen.size} chosen` : "";
+  const items = [...chosen.values()];
+  for (const button of $("acts").children) button.disabled = !actions.find(({ id }) => id === button.id).fits(items);
 }
 
 /** Return the box by which a row is chosen. */
@@ -73,22 +80,25 @@ async function change(path, item, patch) {
 
 const why = (error) => error.faults?.map(({ message }) => message).join("; ") || error.message;
 
-/** Send a patch for each chosen row, a few at a time; what fails is shown in its row and stays selected. */
-async function send(name, patch, renew) {
-  const waiting = [...chosen.values()];
+/**
+ * Do something for each row that is chosen, a few at a time, and say what became of it: ``done`` is what has happened to
+ * the others, such as "deleted". What fails is shown in its row and stays chosen.
+ */
+async function each(items, done, work, renew) {
+  const waiting = [...items];
   const count = waiting.length;
   refused.clear();
-  await during([...$("bulk").querySelectorAll("button")], () => Promise.all(Array.from({ length: TOGETHER }, async () => {
+  await during([...$("bulk").querySelectorAll("button:enabled")], () => Promise.all(Array.from({ length: TOGETHER }, async () => {
     for (let item = waiting.pop(); item; item = waiting.pop()) {
       try {
-        await change(`v1/${name}/${item.id}`, item, patch);
+        await work(item);
         chosen.delete(item.id);
       } catch (error) {
-        refused.set(item.id, `Not changed: ${why(error)}`);
+        refused.set(item.id, `Not ${done}: ${why(error)}`);
       }
     }
   })));
-  const outcome = `${count - refused.size} changed${refused.size ? `, ${refused.size} failed: the reasons are in their rows` : ""}`;
+  const outcome = `${count - refused.size} ${done}${refused.size ? `, ${refused.size} failed: the reasons are in their rows` : ""}`;
   await renew();
   showCount();
   $("bulk").hidden = false;
@@ -96,13 +106,61 @@ async function send(name, patch, renew) {
   say(outcome);
 }
 
-/** Listen to the form of the marks. */
+/** Ask whether some rows shall be deleted. */
+function mayDelete(name, { length }) {
+  const dialog = $("delete-dialog");
+  $("delete-what").textContent = `${length.toLocaleString("en")} ${length === 1 ? name.slice(0, -1) : name} will be deleted from the database, with all that belongs to ${length === 1 ? "it" : "them"}.`;
+  dialog.returnValue = "cancel";
+  dialog.showModal();
+  return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue === "delete"), { once: true }));
+}
+
+/** Send the problem or the sweep of a row once more, as new work. */
+async function again(name, { id, problem, labels, note }) {
+  const document = name === "sweeps" ? (await get(`v1/sweeps/${id}`)).document : problem;
+  await post(`v1/${name}`, { ...document, labels, ...(note ? { note } : {}) }, { headers: { "Idempotency-Key": onceKey() } });
+}
+
+/** Delete a row; one that is gone already is no failure. */
+async function remove(name, { id }) {
+  try {
+    await request(`v1/${name}/${id}`, { method: "DELETE" });
+  } catch (error) {
+    if (error.status !== 404) throw error;
+  }
+}
+
+const solutionOf = (name, item) => (name === "solutions" ? item.id : item.solution);
+const isLive = ({ state }) => LIVE.includes(state);
+
+/** Return what a list can do with rows: the name of each button, for which rows it is there, and what it does. */
+const actionsOf = (name, renew) => [
+  name !== "sweeps" && { id: "act-compare", label: "Compare", fits: (items) => items.length > 1 && items.length <= MOST_COMPARED && items.every((item) => solutionOf(name, item)),
+    act: (items) => {
+      const [first, ...others] = items.map((item) => solutionOf(name, item));
+      location.href = `./solution?${new URLSearchParams([["id", first], ...others.map((id) => ["with", id])])}#compare-section`;
+    } },
+  name !== "solutions" && { id: "act-cancel", label: "Cancel", fits: (items) => items.some(isLive),
+    act: (items) => each(items.filter(isLive), "cancelled", ({ id }) => request(`v1/${name}/${id}/cancel`, { method: "POST" }), renew) },
+  name !== "solutions" && { id: "act-again", label: "Solve again", fits: (items) => items.length && !items.some(isLive), act: (items) => each(items, "sent again", (item) => again(name, item), renew) },
+  { id: "act-csv", label: "Download as CSV", fits: (items) => items.length && items.length <= MOST_NAMED,
+    act: (items) => download(`v1/${name}?${new URLSearchParams({ format: "csv", where: `id in (${items.map(({ id }) => id).join(",")})` })}`, `${name}.csv`) },
+  { id: "act-delete", label: "Delete…", fits: (items) => items.length && !(name === "jobs" && items.some(isLive)),
+    act: async (items) => { if (await mayDelete(name, items)) await each(items, "deleted", (item) => remove(name, item), renew); } },
+].filter(Boolean);
+
+let actions = [];
+
+/** Listen to the form of what is done with the chosen rows. */
 export function listen(name, renew) {
   const { elements } = $("bulk");
+  actions = actionsOf(name, renew);
+  fill($("acts"), actions.map(({ id, label, act }) => h("button", { type: "button", id, class: "small",
+    onclick: () => Promise.resolve(act([...chosen.values()])).catch((error) => { $("bulk-outcome").textContent = why(error); }) }, label)));
   const act = (make) => async () => {
     const patch = make();
     $("bulk-outcome").textContent = chosen.size ? "" : "Choose some rows first.";
-    if (chosen.size) await send(name, patch, renew);
+    if (chosen.size) await each(chosen.values(), "changed", (item) => change(`v1/${name}/${item.id}`, item, patch), renew);
   };
   const needsKey = (work) => () => {
     if (elements.key.reportValidity()) work();
