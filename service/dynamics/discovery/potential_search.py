@@ -34,7 +34,6 @@ from service.dynamics.discovery.strata import (
     rank_modulo,
     special_strata,
 )
-from service.dynamics.discovery.texts import factored_text
 from service.dynamics.equations.compatibility import pde_residual
 from service.dynamics.errors import EqualMomentsError
 from service.dynamics.formula.tree import VARIABLES
@@ -332,3 +331,17 @@ def _has_positive_root(polynomial: fmpz_poly) -> bool:
     """Whether a polynomial without multiple roots may have a positive one: none of it is 0, or a pair."""
     roots = acb_poly([int(each) for each in polynomial.coeffs()]).roots()
     return any(bool(root.imag.contains(0)) and not root.real < 0 for root in roots)
+
+
+def factored_text(polynomial: fmpz_mpoly) -> str:
+    """Return the polynomial as a product of irreducible factors, shorter ones first, with its sign."""
+    if polynomial.is_constant():
+        return str(polynomial)
+    constant, factors = polynomial.factor()
+    pieces = []
+    for factor, power in sorted(factors, key=lambda each: (len(each[0]), str(each[0]))):
+        is_only = len(factors) == 1 and power == 1 and constant == 1
+        piece = str(factor) if len(factor) == 1 or is_only else f"({factor})"
+        pieces.append(piece if power == 1 else f"{piece}^{power}")
+    text = "*".join(pieces)
+    return text if constant == 1 else f"-{text}" if constant == -1 else f"{constant}*{text}"
