@@ -30,7 +30,7 @@ CLAIMS = {
 }
 BITS = 128
 PASSAGE_BITS = 80
-"""Bits of references of motions through poles: 2^-72 is what a reference misses at most, a thousandth of what the smallest
+"""Bits of references of motions through poles. They miss 2^-72 at most, a thousandth of what the smallest
 claim of a double can be, and both radii count in the comparison."""
 UNSEEN = 1e-17
 """Errors of variables below it count as it: a double nearest to the truth has about as much."""

@@ -124,7 +124,7 @@ class Motion(Generic[CarrierT]):
 
     @property
     def error_kind(self) -> Mapping[str, str]:
-        """The way each error is known, by the path of its number: ``theorem``, ``estimate`` or ``difference``.
+        """The kind of each error by the path of its number: ``theorem``, ``estimate`` or ``difference``.
 
         ``samples`` are those of the problem, ``function`` any others; empty of solutions of earlier versions.
         """

@@ -26,7 +26,7 @@ from service.dynamics.reduction.sign_proofs.cells import Curves, Half
 from service.dynamics.reduction.sign_proofs.neighbourhoods import (
     UNDEFINED,
     UNDEFINED_HERE,
-    DomainIntervals,
+    LongDomainIntervals,
     Neighbourhood,
     UnbrokenBalls,
     neighbourhoods,
@@ -142,7 +142,7 @@ def infinities_of(half: Half) -> list[Infinity] | None:
 def _may_vanish(half: Half, part: VanishingPart, start: Side, stop: Side) -> bool:
     """Tell whether a part may vanish on a stretch; at the edge of where it has a value it is not asked."""
     g = [LongInterval(x.lower(), x.upper()) for x in place_on_stretch(half, start, stop)]
-    algebra = DomainIntervals(arb(0), arb(1) / 2)
+    algebra = LongDomainIntervals(arb(0), arb(1) / 2)
     u = part.part.evaluate(algebra, g)
     if algebra.is_undefined or u.sign:
         return False
