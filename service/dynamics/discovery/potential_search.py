@@ -40,6 +40,8 @@ from service.dynamics.formula.tree import VARIABLES
 
 MAX_DEGREE = 16
 """The largest degree of a search."""
+_GAMMA = slice(-3, None)
+"""The places of g1, g2, g3."""
 _AT = (1_000_003, 998_244_353)
 """Values of A and C at which ranks are compared modulo a prime."""
 _PRIMES = range(10_007, 14_007, 2)
@@ -105,7 +107,7 @@ class _Block:
         for column, monomial in enumerate(self.monomials):
             padded = (*(0,) * (len(ring.whole.names()) - 3), *monomial)
             image = ring.residual(ring.whole.from_dict({padded: 1}))
-            for place, entry in coefficients(image, ring.letters.ring, 3).items():
+            for place, entry in coefficients(image, ring.letters.ring, _GAMMA).items():
                 rows.setdefault(place, {})[column] = entry
         return list(rows.values())
 
@@ -206,7 +208,7 @@ def ratios_that_admit(
     )
     rest = residual % (g1**2 + g2**2 + g3**2 - 1)
     zero = ring.letters.ring.constant(0)
-    common = reduce(lambda x, y: x.gcd(y), coefficients(rest, ring.letters.ring, 3).values(), zero)
+    common = reduce(lambda x, y: x.gcd(y), coefficients(rest, ring.letters.ring, _GAMMA).values(), zero)
     if not common:
         return AdmittingRatios(all=True)
     ratios, others = set[Fraction](), list[str]()
@@ -248,7 +250,7 @@ def _shortened(ring: _Ring, polynomial: fmpz_mpoly, span: Sequence[fmpz_mpoly]) 
     """Return the polynomial plus a multiple of one of ``span`` if that is shorter; its first term is > 0."""
     best = polynomial
     for other in span:
-        ours, theirs = (coefficients(each, ring.letters.ring, 3) for each in (polynomial, other))
+        ours, theirs = (coefficients(each, ring.letters.ring, _GAMMA) for each in (polynomial, other))
         for monomial in ours.keys() & theirs.keys():
             scale, change = (
                 each.compose(*ring.whole.gens()[:-3], ctx=ring.whole)
@@ -268,7 +270,7 @@ def _rank(polynomials: Sequence[fmpz_mpoly], block: _Block) -> int:
     for each in polynomials:
         names = each.context().names()[:-3]
         low = fmpz_mpoly_ctx.get(names, Ordering.lex)
-        parts = coefficients(each, low, 3)
+        parts = coefficients(each, low, _GAMMA)
         rows.append({places[m]: evaluated(entry, _AT[: len(names)]) for m, entry in parts.items()})
     return rank_modulo(rows, len(places))
 
