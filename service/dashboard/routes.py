@@ -18,10 +18,11 @@ import hashlib
 from importlib.resources import files
 from pathlib import Path
 
-# Nothing from other hosts, no inline scripts or styles, no framing. Icons may be data: URLs.
+# Nothing from other hosts, no inline scripts or styles, no framing. Icons may be data: URLs, and pictures
+# that are saved are painted from blob: URLs.
 _POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
 HEADERS = {
     "Content-Security-Policy": _POLICY,
@@ -47,7 +48,7 @@ class StaticFile:
 @cache
 def static_files() -> dict[str, StaticFile]:
     """Return all files of the page by their names."""
-    found = {path.name: path.read_bytes() for path in sorted(OURS.iterdir()) if path.suffix in _KINDS}
+    found = {path.name: path.read_bytes() for path in sorted(OURS.rglob("*")) if path.suffix in _KINDS}
     found[_PLOTLY] = files("plotly").joinpath("package_data", _PLOTLY).read_bytes()
     return {name: _described(name, content) for name, content in found.items()}
 

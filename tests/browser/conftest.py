@@ -41,7 +41,8 @@ def browser(chromium_path) -> Iterator[Browser]:
 
 @pytest.fixture
 def context(browser) -> Iterator[BrowserContext]:
-    opened = browser.new_context(viewport={"width": 1280, "height": 800})
+    # Bodies that turn by themselves take a processor from the tests: only where it is asked for.
+    opened = browser.new_context(viewport={"width": 1280, "height": 800}, reduced_motion="reduce")
     opened.set_default_timeout(1000 * PATIENCE_SECONDS)
     expect.set_options(timeout=1000 * PATIENCE_SECONDS)
     yield opened

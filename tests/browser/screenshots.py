@@ -39,7 +39,9 @@ def main() -> None:
         site = fill_site(service)
         browser = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
         for name, (path, theme, height) in PICTURES.items():
-            page = browser.new_page(viewport={"width": 1200, "height": height}, color_scheme=theme)
+            page = browser.new_page(
+                viewport={"width": 1200, "height": height}, color_scheme=theme, reduced_motion="reduce"
+            )
             page.goto(service.address + address(path, site))
             settle(page)
             _wait_for_pictures(page)

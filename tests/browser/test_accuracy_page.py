@@ -21,7 +21,10 @@ def test_the_picture_and_the_costs_are_those_of_the_rows_that_are_chosen(tab):
     expect(page.locator("#table tbody tr")).to_have_count(len(rows))
     expect(page.locator("#costs thead")).to_contain_text("Seconds for 100,000 samples")
     expect(page.locator("#costs tbody tr")).to_have_count(len({row["tier"] for row in rows}))
-    drawn = "document.getElementById('picture').data.flatMap(({x}) => x)"
+    drawn = "document.getElementById('picture').data.flatMap(({x}) => x).filter((x) => x !== null)"
+    # The legend names each kind of motion that is shown, by its mark.
+    names = "document.getElementById('picture').data.map(({name}) => name)"
+    assert wait_until(lambda: set(page.evaluate(names)) == {*table["tolerances"], "any state"})
     # As the service estimates it: the first thousand, and each further one.
     wanted = [row["seconds"] + 99 * row["seconds_per_1000"] for row in rows]
     assert wait_until(lambda: sorted(page.evaluate(drawn)) == sorted(wanted))

@@ -16,7 +16,7 @@ SPLITTING = {
 }
 """Its motions collide at the pole; at λ = 1 a window splits, and a part of it vanishes in an equilibrium."""
 SYMBOLS = {"rest": "circle", "equator": "triangle-up", "pole": "x"}
-NAMES = {"rest": "ends at rest", "equator": "ends on the equator", "pole": "ends at a pole"}
+NAMES = {"rest": "turns at rest", "equator": "crosses the equator", "pole": "passes a pole"}
 
 
 def test_ends_collisions_and_changes_are_told_without_colours(tab):
@@ -54,11 +54,11 @@ def test_ends_collisions_and_changes_are_told_without_colours(tab):
     changes = [change["lambda"]["value"] for change in atlas["changes"]]
     dashes = {dash for x, dash in lines if x in changes}
     assert len(dashes) == len(changes) == 2
-    expect(page.locator("#atlas .annotation-text")).to_have_text(["separatrix", "equilibrium"])
+    expect(page.locator("#atlas .annotation-text")).to_have_text(["separatrix", "equilibrium", "γ₁"])
     # The same in words, in the order of λ.
     told = page.locator("#changes li")
     expect(told).to_have_count(len(atlas["parts"]) + len(changes))
-    expect(told.nth(0)).to_contain_text("pole to equator, collision")
+    expect(told.nth(0)).to_contain_text("passes a pole, crosses the equator, collision")
     expect(told.nth(1)).to_contain_text("separatrix, a window splits")
     expect(told.nth(3)).to_contain_text("equilibrium, a window vanishes")
 
@@ -98,5 +98,7 @@ def test_an_end_where_p_squared_is_infinite_has_a_mark_and_a_name(tab):
         " [end, marker.symbol])"
     )
     assert sorted(marks) == [["collision", "star"], ["pole", "x"]]
-    assert "ends in a collision" in page.locator("#atlas .legendtext").all_text_contents()
-    expect(page.locator("#changes li").first).to_contain_text("pole to collision, collision")
+    assert "runs into a collision" in page.locator("#atlas .legendtext").all_text_contents()
+    expect(page.locator("#changes li").first).to_contain_text(
+        "passes a pole, runs into a collision, collision"
+    )

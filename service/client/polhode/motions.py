@@ -328,7 +328,7 @@ class Motion(Generic[CarrierT]):
         facts = {
             "period": self.period or self.aperiodic,
             "energy": self.energy,
-            "error": error,
+            "claimed error": error,
             "problem": _in_words(self.problem),
             "method": f"{self.method}, {self.tier}",
             "id": self.id,

@@ -84,15 +84,16 @@ run(async () => {
     showSavings(rows, tiers);
     say(`${rows.length} measurements`);
     await draw($("picture"), (colours) => ({
-      traces: tiers.map((tier, k) => {
+      traces: [...tiers.map((tier, k) => {
         const of = rows.filter((row) => row.tier === tier);
         // An error of exactly zero, found by comparing with the same digits, has no logarithm: the proven bound stands in.
         const errors = of.map((row) => row.error || row.claimed_error);
         return { x: of.map((row) => secondsFor(row, samples)), y: errors, name: tier, mode: "markers", type: "scatter",
           marker: { size: 9, color: colours[`c${k + 1}`], symbol: of.map((row) => SYMBOLS[kinds.indexOf(row.kind) % SYMBOLS.length]), opacity: 0.85 },
           error_y: { type: "data", symmetric: false, array: of.map((row, n) => Math.max(0, row.claimed_error - errors[n])), arrayminus: of.map(() => 0), thickness: 1, width: 3, color: colours[`c${k + 1}`] },
-          text: of.map((row) => `${row.kind}, ${row.family}<br>claimed ${row.claimed_error.toExponential(1)}`), hovertemplate: "%{text}<br>%{x:.3g} s, error %{y:.2g}<extra></extra>" };
-      }),
+          showlegend: true, text: of.map((row) => `${row.kind}, ${row.family}<br>claimed ${row.claimed_error.toExponential(1)}`), hovertemplate: "%{text}<br>%{x:.3g} s, error %{y:.2g}<extra></extra>" };
+      }), ...kinds.filter((one) => rows.some((row) => row.kind === one)).map((one) => ({ x: [null], y: [null], name: one, mode: "markers", hoverinfo: "skip",
+        marker: { size: 9, color: colours.paper, symbol: SYMBOLS[kinds.indexOf(one) % SYMBOLS.length], line: { color: colours.ink, width: 1.6 } } }))],
       layout: { xaxis: { type: "log", title: { text: `seconds for ${samples.toLocaleString("en")} samples` }, dtick: 1, exponentformat: "power" }, yaxis: { type: "log", title: { text: "largest error" }, exponentformat: "power" }, hovermode: "closest", dragmode: false,
         shapes: tiers.map((tier, k) => ({ type: "line", xref: "paper", x0: 0, x1: 1, y0: tolerances[tier], y1: tolerances[tier], line: { color: colours[`c${k + 1}`], width: 1, dash: "dot" } })) },
     }));

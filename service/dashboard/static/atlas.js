@@ -1,5 +1,5 @@
 // Every planar motion over λ: windows as bands in γ₁, and the λ where they change.
-import { $, fill, h, number } from "./core.js";
+import { $, ENDS, fill, h, number } from "./core.js";
 import { draw } from "./chart.js";
 
 // What a line is must be seen without colours, too: each kind of end has its mark, each kind of change its dashes.
@@ -9,11 +9,7 @@ const CHANGES = {
   end_crosses_equator: ["end crosses the equator"], end_at_pole: ["end comes to a pole"], several: ["several changes"],
 };
 const DASHES = { separatrix: "dash", equilibrium: "dot", "end crosses the equator": "dashdot", "end comes to a pole": "longdashdot", "several changes": "solid" };
-const ENDS = {
-  rest: ["circle", "ends at rest"], equator: ["triangle-up", "ends on the equator"], pole: ["x", "ends at a pole"],
-  equilibrium: ["diamond", "ends in an equilibrium"], standstill: ["hexagon", "ends at a standstill"],
-  edge: ["square", "ends at the edge of the domain"], collision: ["star", "ends in a collision"],
-};
+const SYMBOLS = { rest: "circle", equator: "triangle-up", pole: "x", equilibrium: "diamond", standstill: "hexagon", edge: "square", collision: "star" };
 const KINDS = {
   collision: ["/", "collision: reaches a singularity"], pole: ["\\", "tends to the pole for ever"],
   separatrix: ["x", "separatrix: tends to an equilibrium"], equilibrium: ["x", "an equilibrium"], standstill: ["+", "comes to a standstill"], edge: ["-", "reaches the edge of the domain"],
@@ -22,7 +18,7 @@ const MARKS = 12; // on a line that goes through the whole picture
 const NAMED = 0.03; // of the width: closer together, names would lie over each other
 
 const motion = ({ window, ends, kind, has_mirror_image: isDouble }) =>
-  [`window ${window}, ${ends.join(" to ")}`, KINDS[kind]?.[1], isDouble ? "with a mirror image" : null].filter(Boolean).join(", ");
+  [`window ${window}, ${[...new Set(ends)].map((end) => ENDS[end]).join(", ")}`, KINDS[kind]?.[1], isDouble ? "with a mirror image" : null].filter(Boolean).join(", ");
 
 /** Write what is drawn as a list, in the order of λ. */
 function inWords({ parts, changes, undecided }) {
@@ -53,7 +49,7 @@ function band(one, { lambda, energy }, gap, colours) {
   const filled = shape ? { fillpattern: { shape, fgcolor: colour, bgcolor: `${colour}18`, size: 9, solidity: 0.16 } } : { fillcolor: `${colour}38` };
   const kept = spread(lambda, gap);
   const marks = one.ends.map((end, side) => ({ x: kept.map((k) => lambda[k]), y: kept.map((k) => one.g1[side][k]), mode: "markers", showlegend: false, hoverinfo: "skip", cliponaxis: false,
-    end, marker: { symbol: ENDS[end][0], size: 8, color: colours.paper, line: { color: colour, width: 1.6 } } }));
+    end, marker: { symbol: SYMBOLS[end], size: 8, color: colours.paper, line: { color: colour, width: 1.6 } } }));
   return [{ ...line, y: one.g1[0] }, { ...line, y: one.g1[1], fill: "tonexty", ...filled }, ...marks];
 }
 
@@ -63,8 +59,8 @@ function legend(windows, changes, colours) {
   const ends = new Set(windows.flatMap(({ ends: both }) => both));
   const kinds = new Set(windows.map(({ kind }) => kind));
   return [
-    ...Object.entries(ENDS).filter(([end]) => ends.has(end)).map(([, [symbol, name]]) =>
-      ({ ...nowhere, name, mode: "markers", marker: { symbol, size: 8, color: colours.paper, line: { color: colours.ink, width: 1.6 } } })),
+    ...Object.entries(ENDS).filter(([end]) => ends.has(end)).map(([end, name]) =>
+      ({ ...nowhere, name, mode: "markers", marker: { symbol: SYMBOLS[end], size: 8, color: colours.paper, line: { color: colours.ink, width: 1.6 } } })),
     ...Object.entries(KINDS).filter(([kind]) => kinds.has(kind)).map(([, [shape, name]]) =>
       ({ ...nowhere, name, type: "bar", marker: { color: colours.paper, line: { color: colours.ink, width: 1 }, pattern: { shape, fgcolor: colours.ink, size: 5, solidity: 0.3 } } })),
     ...Object.entries(DASHES).filter(([name]) => changes.some(({ kind }) => CHANGES[kind][0] === name)).map(([name, dash]) =>

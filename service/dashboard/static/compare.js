@@ -1,7 +1,7 @@
 // Solutions beside each other: the six variables of each over one stretch, and how far they are apart.
 import { $, asked, exact, fill, get, h, motionText, number, potentialText, remember, say, troubleOf } from "./core.js";
-import { draw } from "./chart.js";
-import { between, LEAST, namesOf, NAMES, samplesOf, SHOWN } from "./series.js";
+import { draw, pointed } from "./chart.js";
+import { between, logarithmic, namesOf, NAMES, samplesOf, SHOWN } from "./series.js";
 
 const SAMPLES = 800;
 const RECENT = 50;
@@ -13,7 +13,7 @@ const sameMotion = (one, other) => ["body", "potential", "motion"].every((part) 
 const short = ({ id, tier }) => `${tier} …${id.slice(-6)}`;
 
 /** Prepare the comparison of a solution with others; return what renews it for a stretch of time. */
-export async function comparison(solution) {
+export async function comparison(solution, clock) {
   const form = $("compare");
   const known = new Map();
   let stretch = null;
@@ -65,6 +65,7 @@ export async function comparison(solution) {
     const colour = ({ id }) => COLOURS[ids.indexOf(id)];
     await overlay(solution, names, own, others, colour, stretch);
     await differences(t, others, colour);
+    for (const id of ["overlay", "apart"]) pointed($(id), clock);
     say($("compare-note").textContent);
   }
 
@@ -114,7 +115,7 @@ function overlay(solution, names, own, others, colour, { columns: { t } }) {
       axes[`xaxis${axis}`] = { anchor: `y${axis}`, domain: column ? [0.56, 1] : [0, 0.44], range: [own.columns.t[0], own.columns.t.at(-1)], showticklabels: row === 2 };
       axes[`yaxis${axis}`] = { anchor: `x${axis}`, domain: [(2 - row) * 0.35, (2 - row) * 0.35 + 0.29], title: { text: SHOWN[name] }, nticks: 4 };
       const trace = (columns, word, shade, width, dash) => ({ x: columns.t, y: columns[name], xaxis: `x${axis}`, yaxis: `y${axis}`, name: word, legendgroup: word, showlegend: name === names[0],
-        mode: isJoined ? "lines" : "markers", line: { color: shade, width, dash }, marker: { color: shade, size: 2.5 }, hovertemplate: `${SHOWN[name]} = %{y:.10g}<br>t = %{x:.8g}<extra>${word}</extra>` });
+        mode: isJoined ? "lines" : "markers", line: { color: shade, width, dash, simplify: false }, marker: { color: shade, size: 2.5 }, hovertemplate: `${SHOWN[name]} = %{y:.10g}<br>t = %{x:.8g}<extra>${word}</extra>` });
       traces.push(trace(own.columns, "this one", colours.c1, 3, "solid"));
       for (const other of others) if (other.columns[name]) traces.push(trace(other.columns, short(other.one), colours[colour(other)], 1.5, "dash"));
     });
@@ -129,9 +130,8 @@ function differences(t, others, colour) {
       const shade = colours[colour(other)];
       const { columns, gap, where, claimed, one } = other;
       return [
-        { x: columns.t, y: gap.map((value) => Math.max(LEAST, value)), text: where.map((name) => SHOWN[name]), name: short(one), mode: "markers", marker: { size: 3.5, color: shade },
-          hovertemplate: `%{y:.3g}, in %{text}<br>t = %{x:.8g}<extra>${short(one)}</extra>` },
-        { x: [t[0], t.at(-1)], y: [claimed, claimed], name: "both errors", mode: "lines", line: { color: shade, dash: "dot", width: 1.5 }, hovertemplate: `both claim ${number(claimed, 2)}<extra></extra>` },
+        { x: columns.t, ...logarithmic(gap, where.map((name) => SHOWN[name])), name: short(one), mode: "markers", marker: { size: 3.5, color: shade } },
+        { x: [t[0], t.at(-1)], y: [claimed, claimed], name: "sum of both claimed errors", mode: "lines", line: { color: shade, dash: "dash", width: 1.5 }, hovertemplate: `both claim ${number(claimed, 2)}<extra></extra>` },
       ];
     }),
     layout: { xaxis: { title: { text: "t" } }, yaxis: { type: "log", exponentformat: "power", title: { text: "difference" } }, hovermode: "closest", dragmode: false },

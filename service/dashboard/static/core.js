@@ -269,6 +269,12 @@ export function motionText(motion) {
   return motion.nu === undefined ? `planar, λ = ${motion.lambda}` : `planar, ν = ${motion.nu}`;
 }
 
+/** What a motion does at an end of its range, in words; the glossary of the documentation has the same ones. */
+export const ENDS = {
+  rest: "turns at rest", equator: "crosses the equator", pole: "passes a pole", equilibrium: "tends to an equilibrium", standstill: "comes to a standstill",
+  collision: "runs into a collision", edge: "reaches the edge of the domain",
+};
+
 export const bodyText = (body) => ["A", "B", "C"].filter((name) => body[name] != null).map((name) => `${name} = ${body[name]}`).join(", ");
 
 /** Return a button that copies what ``text`` returns. */
@@ -290,6 +296,34 @@ export function copier(label, text) {
 export function exact(value) {
   const [above, below = "1"] = String(value).split("/");
   return Number(above) / Number(below);
+}
+
+const PICTURES = { svg: "SVG, lines and text", png: "PNG, 600 dpi", pdf: "PDF, a picture of 600 dpi" };
+const FILMS = { gif: "GIF, moving", webm: "WebM, moving" };
+
+/** Give a picture a menu that saves it as a file; the module that writes files comes when the first one is wanted. */
+export function exportable(place, { moves = false } = {}) {
+  const host = place.closest(".heat") ?? place;
+  if (host.parentElement.classList.contains("figure")) return;
+  const note = h("span", { class: "hint", role: "status" });
+  const save = (kind) => async ({ currentTarget }) => {
+    note.textContent = kind in FILMS ? "Drawing…" : "";
+    await during([currentTarget], async () => {
+      const { saved } = await import("./export.js");
+      await saved(place, kind, [document.querySelector("main h1").textContent, asked().get("id")?.slice(-6), place.id], (share) => { note.textContent = `${Math.round(100 * share)} %`; });
+      note.textContent = "";
+      menu.open = false;
+      menu.firstChild.focus();
+    }).catch((error) => { note.textContent = `Not saved: ${error.message}`; });
+  };
+  const menu = h("details", { class: "export",
+    onkeydown: (event) => { if (event.key === "Escape") { menu.open = false; menu.firstChild.focus(); } },
+    onfocusout: ({ relatedTarget }) => { if (relatedTarget && !menu.contains(relatedTarget)) menu.open = false; } },
+  h("summary", { "data-export": "", "aria-label": "Save this picture", title: "Save this picture" }, "⤓"),
+  h("ul", {}, Object.entries({ ...PICTURES, ...(moves ? FILMS : {}) }).map(([kind, name]) => h("li", {}, h("button", { type: "button", class: "quiet", "data-export": kind, onclick: save(kind) }, name)))), note);
+  const figure = h("div", { class: "figure" });
+  host.replaceWith(figure);
+  figure.append(host, menu);
 }
 
 // On narrow screens the names of the pages stand in one line that scrolls.

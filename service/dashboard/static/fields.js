@@ -99,6 +99,17 @@ function written(value, kind) {
   return Array.isArray(value) ? value.join(", ") : String(value);
 }
 
+/** Put a formula into the field of the potential, of whatever kind that was; its parameters stay. */
+export function useFormula(text) {
+  const parameters = at("/potential/parameters")?.value;
+  $("type").value = "expression";
+  build("expression", $("motion-type").value);
+  at("/potential/expression").value = text;
+  if (parameters !== undefined) at("/potential/parameters").value = parameters;
+}
+
+const MEANT = /; did you mean '(.*)'\?$/;
+
 /** Show each fault at the field that its pointer names, or at the part of the document that it is in. */
 export function showFaults(faults) {
   for (const place of document.querySelectorAll("#form .fault")) place.textContent = "";
@@ -109,6 +120,62 @@ export function showFaults(faults) {
     const control = at(path);
     control?.setAttribute("aria-invalid", "true");
     const place = (control && $(`${control.id}-fault`)) ?? $(`fault-${pointer.split("/")[1]}`) ?? $("fault-rest");
-    place.textContent = [place.textContent, message].filter(Boolean).join("; ");
+    place.append(place.textContent ? "; " : "", message);
+    const meant = control?.dataset.kind === "formula" && message.match(MEANT);
+    if (meant) {
+      place.append(" ", h("button", { type: "button", class: "small", onclick: () => {
+        control.value = meant[1];
+        control.dispatchEvent(new Event("input", { bubbles: true }));
+        control.focus();
+      } }, "Use it"));
+    }
   }
+}
+
+const DEFAULT_OUTPUTS = ["gamma", "omega"];
+const NAME = /^[A-Za-z_]\w*$/;
+/** Names that cannot be those of parameters in a call: its own, and words of Python. */
+const TAKEN = new Set(["base", "body", "potential", "motion", "lam", "nu", "time", "start", "stop", "samples", "periods", "times", "accuracy", "tolerance", "relative", "tier", "method", "outputs", "parameters",
+  "labels", "note", "and", "as", "assert", "async", "await", "break", "class", "continue", "def", "del", "elif", "else", "except", "finally", "for", "from", "global", "if", "import", "in", "is", "lambda",
+  "nonlocal", "not", "or", "pass", "raise", "return", "try", "while", "with", "yield", "None", "True", "False"]);
+const LINE = 100;
+
+function literal(value) {
+  if (Array.isArray(value)) return `[${value.map(literal).join(", ")}]`;
+  if (value === null) return "None";
+  if (typeof value === "object") return `{${Object.entries(value).map(([name, part]) => `${JSON.stringify(name)}: ${literal(part)}`).join(", ")}}`;
+  return typeof value === "boolean" ? (value ? "True" : "False") : JSON.stringify(value);
+}
+
+/** Return the arguments of a call that states a problem: [[name, text]]. */
+function argumentsOf({ body, potential, motion = {}, time = {}, accuracy = null, outputs = DEFAULT_OUTPUTS, ...rest }) {
+  const has = (object, ...names) => Object.keys(object).sort().join() === names.sort().join();
+  const plainly = (name, object) => [[name, literal(object)]];
+  const moments = ["AC", "ABC"].find((names) => has(body, ...names));
+  const { type, expression, parameters = {}, ...more } = potential;
+  const isFormula = type === "expression" && typeof expression === "string" && !Object.keys(more).length;
+  const named = Object.entries(parameters);
+  const short = named.every(([name]) => NAME.test(name) && !TAKEN.has(name) && new RegExp(`\\b${name}\\b`).test(expression));
+  const curve = [["lam", "lambda"], ["nu", "nu"]].find(([, name]) => has(motion, "type", name) && motion.type === "planar");
+  const spans = ["stop", "periods", "times"].filter((name) => time[name] !== undefined);
+  const isSpan = spans.length === 1 && Object.keys(time).every((name) => [...spans, "samples"].includes(name)) && (spans[0] !== "times" || !time.samples);
+  const [measure] = Object.keys(accuracy ?? {});
+  return [
+    ["body", moments ? `(${[...moments].map((name) => literal(body[name])).join(", ")})` : literal(body)],
+    ["potential", literal(isFormula ? expression : potential)],
+    ...(isFormula && named.length ? (short ? named.map(([name, value]) => [name, literal(value)]) : plainly("parameters", parameters)) : []),
+    ...(curve ? [[curve[0], literal(motion[curve[1]])]] : plainly("motion", motion)),
+    ...(isSpan ? Object.entries(time).map(([name, value]) => [name, literal(value)]) : plainly("time", time)),
+    ...(accuracy === null ? [] : ["tolerance", "relative", "tier"].includes(measure) && has(accuracy, measure) ? [[measure, literal(accuracy[measure])]] : plainly("accuracy", accuracy)),
+    ...(outputs.join() === DEFAULT_OUTPUTS.join() ? [] : plainly("outputs", outputs)),
+    ...Object.entries(rest).map(([name, value]) => [name, literal(value)]),
+  ];
+}
+
+/** Return the program that a person would write to solve a problem. */
+export function asPython(problem, address) {
+  const parts = argumentsOf(problem).map(([name, text]) => `${name}=${text}`);
+  const inline = `m = c.solve(${parts.join(", ")})`;
+  const call = inline.length <= LINE ? inline : `m = c.solve(\n${parts.map((part) => `    ${part},\n`).join("")})`;
+  return `import polhode as ph\n\nc = ph.connect(${JSON.stringify(address)})\n${call}\nprint(m.period, m.energy, m.error)\n`;
 }

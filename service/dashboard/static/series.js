@@ -1,7 +1,7 @@
 // The six variables over time: any stretch of it, computed by the service when one zooms.
 import { $, exact, number, remember, request, say, troubleOf } from "./core.js";
 import { arraysOf } from "./arrays.js";
-import { draw } from "./chart.js";
+import { draw, pointed } from "./chart.js";
 
 export const NAMES = ["p", "q", "r", "g1", "g2", "g3"];
 export const SHOWN = { p: "p", q: "q", r: "r", g1: "γ₁", g2: "γ₂", g3: "γ₃" };
@@ -10,7 +10,7 @@ const MOST_POINTS = 6000;
 const POINTS_OF_A_PERIOD = 150;
 const MOST_PERIODS = 150; // 8 pixels each on a wide screen: more would be a filled area
 const MOST_OFF = 0.01; // of a variable's range, two pixels: lines that may be further off are not drawn
-export const LEAST = 1e-17; // what is exactly zero has no logarithm
+const LEAST = 1e-17; // where what is exactly zero is drawn, since it has no logarithm
 const PANEL = 0.46;
 const MARGIN = { l: 58, r: 14, t: 34, b: 44 };
 
@@ -63,6 +63,10 @@ function firstOf({ columns, ...rest }, period) {
   return { ...rest, columns: Object.fromEntries(Object.entries(columns).map(([name, values]) => [name, values.subarray(0, count)])) };
 }
 
+const PARTS = ["series", "gamma", "omega", "turning", "phase", "drift"];
+/** Make what shows the last stretch grey until it shows the one that is asked for. */
+export const stale = (isStale, ...names) => { for (const name of names.length ? names : PARTS) $(name).setAttribute("aria-busy", isStale); };
+
 const NOTES = {
   lines: ({ columns: { t }, off }) => `${t.length} points, the lines between them are off by at most ${number(off, 1)} of the range of a variable`,
   dots: ({ columns: { t } }) => `${t.length} values; the motion oscillates too fast between them to be drawn as lines. Zoom in to see it`,
@@ -89,10 +93,12 @@ export async function overTime(solution, stretch, seen) {
     asking?.abort();
     asking = new AbortController();
     const { signal } = asking;
+    stale(true);
     try {
       shown = await stretchOf(solution, place, signal);
     } catch (error) {
       if (signal.aborted) return;
+      stale(false);
       $("series-note").replaceChildren(troubleOf(error));
       return;
     }
@@ -100,7 +106,8 @@ export async function overTime(solution, stretch, seen) {
     tellStretch();
     remember({ start: place && place[0], stop: place && place[1] });
     await drawLines();
-    const text = `From ${number(t[0], 10)} to ${number(t.at(-1), 10)}: ${NOTES[shown.kind](shown)}; every value has an error of at most ${number(shown.error, 2)}.`;
+    stale(false, "series");
+    const text = `From ${number(t[0], 10)} to ${number(t.at(-1), 10)}: ${NOTES[shown.kind](shown)}; their claimed error is at most ${number(shown.error, 2)}.`;
     $("series-note").textContent = text;
     say(text);
     seen(shown);
@@ -155,35 +162,41 @@ function tracesOf({ kind, columns, error, ranges }, heights, colours) {
         { line: { width: 1, color: colour }, hovertemplate: `${SHOWN[name]} from ${number(low, 8)} to ${number(high, 8)}<extra></extra>` });
     }
     const own = { x: columns.t, y: columns[name], hovertemplate: `${SHOWN[name]} = %{y:.10g}<br>t = %{x:.10g}<extra></extra>` };
-    const curve = kind === "dots" ? { ...common, ...own, mode: "markers", marker: { size: 2.5, color: colour } } : { ...common, ...own, line: { color: colour, width: 1.6 } };
+    const curve = kind === "dots" ? { ...common, ...own, mode: "markers", marker: { size: 2.5, color: colour } } : { ...common, ...own, line: { color: colour, width: 1.6, simplify: false } };
     const bounds = isWide[k < 3 ? 0 : 1] ? area(columns.t, columns[name].map((y) => y - error), columns[name].map((y) => y + error), { showlegend: false, hoverinfo: "skip" }) : [];
     return [...bounds, curve];
   });
 }
 
+/** Return sizes as they are drawn on a logarithmic axis; the label of one that is exactly zero says so. */
+export const logarithmic = (sizes, texts = null) => ({ y: sizes.map((size) => Math.max(LEAST, size)),
+  text: Array.from(sizes, (size, k) => `${size === 0 ? "exactly 0" : number(size, 3)}${texts ? `, in ${texts[k]}` : ""}`), hovertemplate: "%{text}<br>t = %{x:.8g}<extra>%{fullData.name}</extra>" });
+
 /** Draw how far the integrals that need no potential depart from their first values. */
-export async function drifts(body, { columns, error }) {
+export async function drifts(body, { columns, error }, clock) {
   const { t, p, q, r, g1, g2, g3 } = columns;
   if (!p || !g1) return;
   const [A, B, C] = [exact(body.A), body.B == null ? null : exact(body.B), exact(body.C)];
   const at = (k) => A * p[k] * g1[k] + (B === null ? 0 : B * q[k] * g2[k]) + C * r[k] * g3[k];
-  const areas = t.map((_, k) => Math.max(LEAST, Math.abs(at(k) - at(0))));
-  const length = t.map((_, k) => Math.max(LEAST, Math.abs(g1[k] ** 2 + g2[k] ** 2 + g3[k] ** 2 - 1)));
+  const areas = t.map((_, k) => Math.abs(at(k) - at(0)));
+  const length = t.map((_, k) => Math.abs(g1[k] ** 2 + g2[k] ** 2 + g3[k] ** 2 - 1));
   await draw($("drift"), (colours) => ({
     traces: [
-      { x: t, y: length, name: "|γ|² − 1", mode: "markers", marker: { size: 3.5, color: colours.c1 } },
-      { x: t, y: areas, name: "I·ω·γ, change", mode: "markers", marker: { size: 3.5, color: colours.c2 } },
-      { x: [t[0], t.at(-1)], y: [error, error], name: "claimed error", mode: "lines", line: { color: colours.soft, dash: "dot", width: 1.5 } },
+      { x: t, ...logarithmic(length), name: "|γ|² − 1", mode: "markers", marker: { size: 3.5, color: colours.c1 } },
+      { x: t, ...logarithmic(areas), name: "I·ω·γ, change", mode: "markers", marker: { size: 3.5, color: colours.c2 } },
+      { x: [t[0], t.at(-1)], y: [error, error], name: "claimed error", mode: "lines", line: { color: colours.soft, dash: "dash", width: 1.5 } },
     ],
     layout: { xaxis: { title: { text: "t" } }, yaxis: { type: "log", exponentformat: "power", dtick: 1 } },
   }));
+  pointed($("drift"), clock);
 }
 
 /** Draw the phase plane of the reduced motion: γ₂ and its derivative, which the equations of Poisson give. */
-export async function phasePlane({ columns }) {
+export async function phasePlane({ columns }, clock, samples) {
   const { p, r, g1, g2, g3 } = columns;
   await draw($("phase"), (colours) => ({
-    traces: [{ x: g2, y: g2.map((_, k) => g3[k] * p[k] - g1[k] * r[k]), mode: "lines", line: { color: colours.c1, width: 1.8 }, hovertemplate: "γ₂ = %{x:.8g}<br>dγ₂/dt = %{y:.8g}<extra></extra>" }],
+    traces: [{ x: g2, y: g2.map((_, k) => g3[k] * p[k] - g1[k] * r[k]), mode: "lines", line: { color: colours.c1, width: 1.8, simplify: false }, hovertemplate: "γ₂ = %{x:.8g}<br>dγ₂/dt = %{y:.8g}<extra></extra>" }],
     layout: { xaxis: { title: { text: "γ₂" } }, yaxis: { title: { text: "dγ₂/dt" } }, hovermode: "closest", dragmode: false },
   }));
+  pointed($("phase"), clock, (k) => [samples.g2[k], samples.g3[k] * samples.p[k] - samples.g1[k] * samples.r[k]]);
 }

@@ -1,13 +1,13 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ago, asked, bodyText, copier, exact, fill, get, h, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
-import { multipliers, turningBody } from "./body.js";
-import { between, drifts, overTime, phasePlane, samplesOf } from "./series.js";
+import { $, ENDS, ago, asked, bodyText, copier, download, during, exact, fill, get, h, measured, motionText, number, pause, potentialText, remember, run, troubleOf } from "./core.js";
+import { centreOf, Clock, drawnBody, framesOf, multipliers, turningBody } from "./body.js";
+import { pointed } from "./chart.js";
+import { between, drifts, namesOf, overTime, phasePlane, samplesOf, SHOWN, stale } from "./series.js";
 import { pointsOf, turnable } from "./sphere.js";
 
 const FORMATS = { json: "JSON", csv: "CSV", ndjson: "NDJSON", npz: "NPZ (NumPy)", arrow: "Arrow", parquet: "Parquet" };
-const FRAMES = 800; // of the turning body, equally far apart in time
 
-const ENDS = { pole: "a pole", equator: "the equator", rest: "rest", equilibrium: "an equilibrium", collision: "a collision" };
+const STABILITY = { stable: "linearly stable", unstable: "linearly unstable", marginal: "not decided by the linear equation" };
 const ENDLESS = {
   separatrix: "on a separatrix: it approaches an equilibrium for ever", equilibrium: "an equilibrium: nothing moves",
   collision: "it runs into a singularity of the potential", pole: "it approaches a pole for ever",
@@ -16,20 +16,21 @@ const ENDLESS = {
 const fact = (name, ...value) => h("div", {}, h("dt", {}, name), h("dd", {}, ...value.flat()));
 
 /** Return the facts of a solution, each with its error, as parts of a description list. */
-function factsOf(solution) {
-  const { period, aperiodic, energy, window: range, invariants, cross_check: check, stability, precession } = solution;
+function factsOf(solution, tolerances) {
+  const { period, aperiodic, energy, window: range, invariants, cross_check: check, stability, precession, problem: { accuracy } } = solution;
   const drift = Object.entries(invariants ?? {}).filter(([, value]) => value?.drift !== undefined);
   return [
     period ? fact("Period", measured(period)) : fact("Period", aperiodic ? `none, ${ENDLESS[aperiodic] ?? aperiodic}` : "none is known"),
     energy ? fact("Energy", measured(energy)) : null,
-    fact("Error of a sample", h("span", { class: "value" }, `≤ ${number(solution.error, 2)}`), relative(solution.errors)),
-    range ? fact("Range", `from ${ENDS[range.ends[0]] ?? range.ends[0]} to ${ENDS[range.ends[1]] ?? range.ends[1]}`,
+    fact("Claimed error, stored samples", h("span", { class: "value" }, `≤ ${number(solution.error, 2)}`), relative(solution.errors)),
+    range ? fact("Range of motion", [...new Set(range.ends)].map((end) => ENDS[end] ?? end).join(", "),
       h("span", { class: "error" }, ` γ₁ in [${range.g1.map((x) => number(x, 5)).join(", ")}]`)) : null,
     drift.length ? fact("Drift", drift.map(([name, value], k) => [k ? ", " : "", `${name} `, h("span", { class: "value" }, number(value.drift, 2))]).flat()) : null,
     precession ? fact("Precession ψ in a period", measured(precession.psi1)) : null,
-    stability ? fact("In its plane it is", h("span", { class: "value" }, stability.verdict), h("span", { class: "error" },
+    stability ? fact("Against leaving its plane", h("span", { class: "value" }, STABILITY[stability.verdict]), h("span", { class: "error" },
       ` trace ${number(stability.trace, 8)} ± ${number(stability.error, 2)}`)) : null,
-    stability?.trusted_time ? fact("Numerical integration is reliable until", h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`)) : null,
+    stability?.trusted_time ? fact(`Double precision keeps ${number(exact(accuracy?.tolerance ?? tolerances[solution.tier] ?? solution.error), 2)} until`,
+      h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`), h("span", { class: "error" }, " at best")) : null,
     check ? fact("Second method", `${check.method} ${check.agrees ? "agrees" : "disagrees"}`, h("span", { class: "error" }, ` within ${number(check.disagreement, 2)}`)) : null,
     fact("Method", `${solution.method}, tier ${solution.tier}`, h("span", { class: "error" }, ` ${number(solution.cost.compute_seconds, 2)} s`)),
   ].filter(Boolean);
@@ -41,15 +42,19 @@ function relative(errors) {
   return groups.length ? h("span", { class: "error" }, ` relative ${groups.map(([name, error]) => `${number(error.relative, 2)} (${name})`).join(", ")}`) : "";
 }
 
-function curves({ columns }) {
-  if (columns.g1) {
-    const points = pointsOf(columns, ["g1", "g2", "g3"], Infinity);
-    turnable($("gamma"), { curves: [{ points }], marks: [{ point: points[0], title: "start" }], labels: ["γ₁", "γ₂", "γ₃"], alt: "Path of the vertical on the unit sphere" });
-  }
+/** Draw the paths of γ and ω; a mark on each follows the clock. */
+function curves({ columns }, clock, samples) {
+  const path = (id, names, scale, kind, more) => {
+    const points = pointsOf(columns, names, Infinity, scale);
+    const start = { point: points[0], kind: "start", title: "start" };
+    const change = turnable($(id), { curves: [{ points, kind }], marks: [start], ...more });
+    $(id).leave?.();
+    $(id).leave = clock.follow(({ k }) => change({ marks: [start, { point: names.map((name) => samples[name][k] * scale), title: "at the time of the clock" }] }));
+  };
+  if (columns.g1) path("gamma", ["g1", "g2", "g3"], 1, "curve", { labels: ["γ₁", "γ₂", "γ₃"], alt: "Path of the vertical on the unit sphere" });
   if (columns.p) {
     const largest = columns.p.reduce((most, _, k) => Math.max(most, Math.hypot(columns.p[k], columns.q[k], columns.r[k])), 1e-300);
-    const points = pointsOf(columns, ["p", "q", "r"], Infinity, 1 / largest);
-    turnable($("omega"), { curves: [{ points, kind: "curve second" }], marks: [{ point: points[0], title: "start" }], labels: ["p", "q", "r"], ball: false, alt: "Path of the angular velocity in the body" });
+    path("omega", ["p", "q", "r"], 1 / largest, "curve second", { labels: ["p", "q", "r"], ball: false, alt: "Path of the angular velocity in the body" });
   }
 }
 
@@ -71,13 +76,6 @@ function files(solution) {
         + `samples = motion.${samples(stretch())}\nprint(samples.gamma, samples.error)\n`)));
 }
 
-async function download(path, name) {
-  const content = await (await request(path, { headers: { Accept: "*/*" } })).blob();
-  const link = h("a", { href: URL.createObjectURL(content), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
-}
-
 async function show() {
   const solution = await get(`v1/solutions/${encodeURIComponent(asked().get("id") ?? "none")}`);
   const { problem } = solution;
@@ -85,7 +83,8 @@ async function show() {
   document.title = `${title} · polhode`;
   $("title").textContent = title;
   $("subtitle").textContent = `${motionText(problem.motion)} · ${bodyText(problem.body)} · computed ${ago(solution.created_at)}`;
-  fill($("facts"), factsOf(solution));
+  const { tolerances } = solution.stability?.trusted_time ? await get("v1/accuracy") : { tolerances: {} };
+  fill($("facts"), factsOf(solution, tolerances));
   fill($("warnings"), (solution.warnings ?? []).map((warning) => h("p", { class: "notice" }, warning.message ?? String(warning))));
   fill($("provenance"), Object.entries({ ...solution.provenance, solution: solution.id, job: solution.job }).map(([name, value]) =>
     h("div", {}, h("dt", {}, name), h("dd", {}, String(value)))));
@@ -95,50 +94,84 @@ async function show() {
   if (solution.stability) multipliers($("multipliers"), solution.stability);
   $("body").hidden = false;
   const [start, stop] = [asked().get("start"), asked().get("stop")];
-  const ofOthers = comparing(solution);
-  const ofOrientation = turning(solution);
+  let [samples, claimed] = [null, null];
+  const clock = new Clock($("clock"), (k) => (samples ? `t = ${number(samples.t[k], 6)}: ${namesOf(solution).map((name) => `${SHOWN[name]} = ${number(Math.abs(samples[name][k]) <= claimed ? 0 : samples[name][k], 7)}`).join(", ")}, each ± ${number(claimed, 2)}` : ""));
+  const ofOthers = comparing(solution, clock);
+  const ofBody = turning(solution, clock);
   let latest = null;
+  $("stability").hidden = !solution.stability;
   await overTime(solution, start !== null && stop !== null ? [start, stop] : null, async (stretch) => {
-    const { turn } = stretch;
+    const { turn, kind } = stretch;
+    const isFirst = latest === null;
     latest = stretch;
-    $("phase-section").hidden = !(turn.columns.p && turn.columns.g1 && problem.motion.type === "planar");
-    const pictures = [() => curves(turn), () => drifts(problem.body, stretch), () => $("phase-section").hidden || phasePlane(turn),
-      () => ofOrientation(stretch), () => ofOthers(stretch)];
+    ({ columns: samples, error: claimed } = kind === "band" ? turn : stretch);
+    clock.span(samples.t);
+    const isPlanar = turn.columns.p && turn.columns.g1 && problem.motion.type === "planar";
+    $("phase-section").hidden = !isPlanar;
+    const pictures = [() => ofBody(stretch, samples), () => curves(turn, clock, samples), () => pointed($("series"), clock),
+      () => drifts(problem.body, stretch, clock), () => isPlanar && phasePlane(turn, clock, samples), () => ofOthers(stretch)];
     // One at a time, so that the browser can answer to people in between.
     for (const show of pictures) {
       await pause(0);
       if (latest === stretch) show();
     }
+    if (latest === stretch) stale(false, "gamma", "omega", "phase", "drift");
+    if (isFirst && !matchMedia("(prefers-reduced-motion: reduce)").matches) clock.play();
   });
 }
 
 /** Return what shows how the body turns in a stretch; of too many periods in the first one. */
-function turning(solution) {
-  const hasOrientation = Boolean(solution.problem.outputs?.includes("orientation"));
-  $("turn-title").parentElement.hidden = !hasOrientation;
-  $("stability").hidden = !solution.stability;
-  $("space").hidden = !hasOrientation && !solution.stability;
+function turning(solution, clock) {
+  const { problem } = solution;
+  const outputs = problem.outputs ?? [];
+  const isStored = outputs.includes("orientation");
+  const { moments, note } = drawnBody(problem.body);
+  const centre = centreOf(problem.potential);
+  fill($("turning-more"), isStored ? null : h("button", { type: "button", class: "quiet", onclick: ({ currentTarget }) => during([currentTarget], prove) }, "With its proven error"));
   let asking = null;
-  return async ({ kind, columns, turn }) => {
-    if (!hasOrientation) return;
+
+  /** Submit the problem with the attitude among its outputs, and go to that solution. */
+  async function prove() {
+    fill($("turning-outcome"), h("p", { class: "hint" }, "Computing…"));
+    try {
+      const { solved, whyNot } = await import("./starting.js");
+      const job = await solved({ ...problem, outputs: [...(outputs.length ? outputs : ["gamma", "omega"]), "orientation"] });
+      if (job.solution) location.href = `./solution?id=${job.solution}`;
+      else fill($("turning-outcome"), h("p", { class: "fault" }, whyNot(job)));
+    } catch (error) {
+      fill($("turning-outcome"), troubleOf(error));
+    }
+  }
+
+  return async (stretch, { t }) => {
     asking?.abort();
     asking = new AbortController();
-    const { t } = kind === "band" ? turn.columns : columns;
+    const { signal } = asking;
     try {
-      const names = ["q0", "q1", "q2", "q3"];
-      turningBody($("turning"), solution.problem.body, await samplesOf(solution.id, between(t[0], t.at(-1), `samples=${FRAMES}`), names, asking.signal));
+      const ask = (count, names) => samplesOf(solution.id, between(t[0], t.at(-1), `samples=${count}`), names, signal);
+      const periods = solution.period ? (t.at(-1) - t[0]) / solution.period.value : null;
+      const found = namesOf(solution).length === 6 ? await framesOf(ask, periods, isStored) : null;
+      if (signal.aborted) return;
+      $("space").hidden = false;
+      if (found) turningBody($("turning"), { moments, centre }, found, clock);
+      else fill($("turning"), h("p", { class: "hint" }, "Over this time the body turns too often to be drawn. Zoom in, or show one period."));
+      $("turning-note").textContent = `${note} ${centre ? "The dot is on the line to the centre of mass. " : ""}The second colour is the vertical. ${isStored
+        ? `Its attitude is that of the solution, with a claimed error of at most ${number(solution.errors?.quaternion?.absolute ?? solution.error, 2)}.`
+        : `Its attitude is integrated from ω on this page${found ? `, with steps of half the size ${number(found.apart, 1)} rad away` : ""}: less than a pixel off, but nothing is claimed.`}`;
     } catch (error) {
       if (error.name !== "AbortError") fill($("turning"), troubleOf(error));
+    } finally {
+      if (!signal.aborted) stale(false, "turning");
     }
   };
 }
 
 /** Return what compares each stretch with other solutions; its module comes when somebody looks there. */
-function comparing(solution) {
+function comparing(solution, clock) {
   let stretch = null;
   let shown = null;
   const open = () => {
-    shown ??= import("./compare.js").then(({ comparison }) => comparison(solution)).catch((error) => {
+    shown ??= import("./compare.js").then(({ comparison }) => comparison(solution, clock)).catch((error) => {
       shown = null; // the next one who asks may have more luck
       throw error;
     });

@@ -1,5 +1,5 @@
 // Curves in space as SVG, seen from far away: small pictures, and spheres that can be turned.
-import { h } from "./core.js";
+import { exportable, h } from "./core.js";
 
 const STEP = 0.12; // radians for a press of an arrow key
 const CIRCLE = Array.from({ length: 73 }, (_, k) => [Math.cos((k * Math.PI) / 36), Math.sin((k * Math.PI) / 36)]);
@@ -104,6 +104,7 @@ export function turnable(place, { curves, marks = [], labels, ball = true, alt }
   for (const end of ["pointerup", "pointercancel"]) svg.addEventListener(end, () => { from = null; });
   draw();
   place.replaceChildren(svg);
+  exportable(place);
   return (changed) => { Object.assign(shown, changed); draw(); };
 }
 

@@ -27,12 +27,16 @@ const PROOFS = {
   numeric: "no counterexample was found, which is not a proof",
 };
 const LEAST_SIZE = 0.6; // of a formula's letters: smaller ones cannot be read
+const FINE = 10n ** 40n; // parts of one
 const WANTED = ["h", "F", "G", "curve", "p_squared"];
 
-/** Show a verdict; ``null`` means that there is none yet. */
-export function showVerdict(found) {
+const PARTS = { potential: "the potential", body: "the body" };
+
+/** Show a verdict, or what it waits for; ``use(formula)`` puts a formula into the form. */
+export function showVerdict(found, faults, use) {
   if (found === null) {
-    fill($("verdict"));
+    fill($("verdict"), h("p", { class: "notice" }, "The verdict waits for ", [...new Set(faults.map(({ pointer = "" }) => PARTS[pointer.split("/")[1]] ?? "the problem"))].join(" and ") || "the problem", "."),
+      faults.slice(0, 3).map(({ message }) => h("p", { class: "hint" }, message)));
     return;
   }
   const { verdict, proof, counterexample, evidence, nearest } = found;
@@ -42,7 +46,16 @@ export function showVerdict(found) {
     counterexample ? h("p", {}, `At γ = (${counterexample.g.join(", ")}) the residual is `,
       h("span", { class: "value" }, `${number(Number(counterexample.residual.mid), 10)} ± ${number(Number(counterexample.residual.rad), 2)}`), ".") : null,
     evidence?.points ? h("p", { class: "hint" }, `Checked ${evidence.points} points with ${evidence.bits} bits; the largest enclosure of a residual is ${evidence.largest_enclosure}.`) : null,
-    nearest ? h("p", {}, "The nearest admissible polynomial: ", h("code", {}, nearest.expression_named ?? nearest.expression)) : null);
+    nearest ? nearestOne(nearest, use) : null);
+}
+
+/** Return the nearest admissible polynomial, how far it is, and what puts it into the form. */
+function nearestOne({ expression, expression_named: named, relative_squared_distance: squared, degree }, use) {
+  const [above, below = "1"] = squared.split("/").map(BigInt); // hundreds of digits, maybe: more than a double holds
+  const distance = Math.sqrt(Number((above * FINE) / BigInt(below)) / Number(FINE));
+  return h("p", {}, `The nearest admissible polynomial up to degree ${degree}: `, h("code", {}, named ?? expression),
+    `. In the mean square over the sphere it differs from the potential by ${number(100 * distance, 2)} %. `,
+    h("button", { type: "button", class: "small", onclick: () => use(named ?? expression) }, "Use this"));
 }
 
 /** Show h, F, G and what else is known of the motion; of several ways to write one, that with the parameters' names comes first. */

@@ -1,6 +1,6 @@
 // A problem is written here; verdict, motions and costs follow while one types.
 import { $, copier, during, exact, fill, get, h, isNotAllowed, number, post, Refusal, run, say, troubleOf } from "./core.js";
-import { build, fillForm, problemOf, showFaults } from "./fields.js";
+import { asPython, build, fillForm, problemOf, showFaults, useFormula } from "./fields.js";
 import { showFormulas, showSphere, showVerdict } from "./verdict.js";
 
 const QUIET = 40; // milliseconds after the last key: of what is typed fast not each letter is asked for
@@ -12,6 +12,10 @@ const FORMULAS = "?formulas=mathml";
 const WORTH = 0.8; // of the seconds of the next better tier: one that takes more saves no time
 const OVER = ["succeeded", "failed", "cancelled"];
 
+/** What answers a problem; each part is grey from a change to the answer that fits it. */
+const PARTS = ["verdict", "formulas", "sphere", "plan", "tiers", "atlas-section"];
+const stale = (isStale, ...names) => { for (const name of names) $(name).setAttribute("aria-busy", isStale); };
+let usual = []; // what the tiers take and reach here on other problems
 let timer = null;
 let edits = 0; // so that nobody is taken away from a problem that they have begun to write
 let asking = new AbortController();
@@ -21,7 +25,7 @@ let mayOnlyRead = false; // the key of the tab, as a refusal has told
 function changed() {
   edits += 1;
   asking.abort();
-  $("verdict").setAttribute("aria-busy", "true");
+  stale(true, ...PARTS);
   if (!$("submit").disabled && !$("job").querySelector("a")) fill($("job")); // what became of the last job is not said of this problem
   clearTimeout(timer);
   timer = setTimeout(look, QUIET);
@@ -36,7 +40,7 @@ async function look() {
   const problem = problemOf();
   history.replaceState(null, "", `#${encodeURIComponent(JSON.stringify(problem))}`);
   const { body, potential } = problem;
-  $("verdict").setAttribute("aria-busy", "true");
+  stale(true, ...PARTS);
   const ask = (document, query) => post(`v1/validations${query}`, document, { signal })
     .then((found) => ({ found, faults: [] }), (error) => {
       if (error instanceof Refusal) return { found: null, faults: error.faults, error };
@@ -46,33 +50,32 @@ async function look() {
     // To write formulas takes ten times as long as the verdict, which therefore does not wait for them.
     const judged = await ask({ body, potential }, "");
     if (signal.aborted) return;
-    showVerdict(judged.found);
-    $("verdict").setAttribute("aria-busy", "false");
+    showVerdict(judged.found, judged.faults, (text) => { useFormula(text); changed(); });
     const hasFormulas = judged.found?.verdict === "admissible";
     if (!hasFormulas) showFormulas([]);
-    $("formulas").setAttribute("aria-busy", hasFormulas);
+    stale(false, "verdict", ...(hasFormulas ? [] : ["formulas"]));
     const planned = await ask(problem, FORMULAS);
     // Those of a problem are of its own curve; while it has faults, those of the potential are shown.
     const written = hasFormulas && !planned.found ? await ask({ body, potential }, FORMULAS) : planned;
     if (signal.aborted) return;
     showFormulas(written.found?.formulas ?? []);
-    $("formulas").setAttribute("aria-busy", "false");
     const faults = planned.faults.length ? planned.faults : judged.faults;
     showFaults(judged.found?.verdict === "inadmissible" ? faults.filter((fault) => fault.code !== "inadmissible_potential") : faults);
     if (planned.error && !faults.length) fill($("plan"), troubleOf(planned.error));
     else showPlan(planned.found?.plan);
     showSphere(judged.found, problem, planned.found?.plan?.window);
+    stale(false, "formulas", "plan", "tiers", "sphere");
     await atlas(problem, judged.found, signal);
   } catch (error) {
-    if (signal.aborted) return;
-    for (const place of ["verdict", "formulas"]) $(place).setAttribute("aria-busy", "false");
-    fill($("plan"), troubleOf(error));
+    if (!signal.aborted) fill($("plan"), troubleOf(error));
+  } finally {
+    if (!signal.aborted) stale(false, ...PARTS);
   }
 }
 
 function showPlan(plan) {
   const seconds = plan?.expected_seconds;
-  if (plan) describeTiers(plan.tiers);
+  describeTiers(plan?.tiers ?? usual);
   fill($("plan"), plan ? [`${plan.method}, ${plan.samples} samples`, seconds ? `, about ${number(1000 * seconds, 2)} ms` : "",
     plan.solution ? [". Solved before: ", h("a", { href: `./solution?id=${plan.solution}` }, "its solution")] : "",
     ...(plan.remarks ?? []).map((remark) => `. ${remark.message}`)].flat() : null);
@@ -166,7 +169,7 @@ function describeTiers(tiers) {
     const better = tiers[k + 1];
     const saves = !better?.expected_seconds || seconds < WORTH * better.expected_seconds;
     const cost = seconds === null ? "not measured here" : `${number(1000 * seconds, 2)} ms, reaches ${number(error, 1)}${saves ? "" : `; no faster than ${better.tier}`}`;
-    document.querySelector(`#tiers [data-tier=${tier}]`).textContent = unavailable ?? cost;
+    document.querySelector(`#tiers [data-tier=${tier}]`)?.replaceChildren(unavailable ?? cost);
   });
 }
 
@@ -177,16 +180,11 @@ async function showTiers() {
   const median = (values) => values.sort((x, y) => x - y)[Math.floor(values.length / 2)] ?? null;
   fill($("tiers"), Object.keys(tolerances).map((tier) => h("label", { class: "tier" }, h("input", { type: "radio", name: "tier", value: tier, checked: tier === chosen }),
     h("span", {}, h("strong", {}, tier), ` ≤ ${number(tolerances[tier], 1)}`), h("span", { class: "error", "data-tier": tier }))));
-  describeTiers(Object.keys(tolerances).map((tier) => {
+  usual = Object.keys(tolerances).map((tier) => {
     const of = rows.filter((row) => row.tier === tier && row.kind !== "any state");
     return { tier, expected_seconds: median(of.map((row) => row.seconds)), expected_error: median(of.map((row) => row.claimed_error)), unavailable: null };
-  }));
-}
-
-function asPython() {
-  const text = JSON.stringify(problemOf()).replaceAll("\\", "\\\\").replaceAll('"', '\\"');
-  return `import json\n\nimport polhode as ph\n\nproblem = json.loads("${text}")\n`
-    + `motion = ph.connect(${JSON.stringify(new URL(".", document.baseURI).href)}).solve(problem)\nprint(motion.period, motion.energy, motion.error)\n`;
+  });
+  describeTiers(usual);
 }
 
 function asCurl() {
@@ -201,7 +199,7 @@ function stated() {
 const problem = { ...FIRST, ...stated() };
 build("expression", "planar");
 fillForm(problem);
-fill($("copies"), copier("Copy as curl", asCurl), copier("Copy as Python", asPython));
+fill($("copies"), copier("Copy as curl", asCurl), copier("Copy as Python", () => asPython(problemOf(), new URL(".", document.baseURI).href)));
 $("form").addEventListener("input", changed);
 $("form").addEventListener("submit", (event) => {
   event.preventDefault();

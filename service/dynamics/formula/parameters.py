@@ -3,6 +3,7 @@
 Terms are split off formulas that are polynomial in their parameters.
 """
 
+import difflib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -74,7 +75,9 @@ def bind(
             if node.name in variables or node.name == PI:
                 return node, None
             known = ", ".join([*variables, PI, *sorted(replaced)][:MAX_LISTED])
-            raise UnknownNameError(f"{node.name!r} is not known here; known are {known}")
+            near = difflib.get_close_matches(node.name, [*variables, *replaced], n=1)
+            hint = f"did you mean {near[0]!r}?" if near else f"add {node.name} = … to the parameters"
+            raise UnknownNameError(f"{node.name!r} is not known here; known are {known}; {hint}")
         trees = [operand[0] for operand in operands]
         values = [operand[1] for operand in operands]
         if isinstance(node, Negation):

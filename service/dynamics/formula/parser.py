@@ -105,10 +105,22 @@ _WRITTEN: dict[str, str] = {
 """Characters that come with a formula pasted from a page, and what is written in their place."""
 
 
+_ASCII_HINTS = {
+    "\\": "formulas are plain text, not LaTeX",
+    ",": "the decimal sign is a point",
+    "{": "parentheses are round",
+    "}": "parentheses are round",
+    "[": "parentheses are round",
+    "]": "parentheses are round",
+    "=": "a formula is one side of an equation",
+}
+
+
 def _foreign(character: str) -> str:
     """Return the phrase about a character that no formula has."""
     if character.isascii():
-        return f"{character!r} is not part of the grammar"
+        hint = _ASCII_HINTS.get(character)
+        return f"{character!r} is not part of the grammar" + ("" if hint is None else f"; {hint}")
     name = unicodedata.name(character, "no name").lower()
     written = _WRITTEN.get(character)
     hint = "" if written is None else f"; write {written}"
@@ -136,6 +148,7 @@ _PIECE = re.compile(
 """The tokens of a formula; any other character is a piece too, which no formula has."""
 _LETTERS = frozenset(string.ascii_letters + "_")
 _DIGITS = frozenset(string.digits + ".")
+_OPERAND = _LETTERS | _DIGITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,11 +195,72 @@ def _parsed(text: str, symbol: Callable[[str], Tree]) -> LocatedTree:
     try:
         tree = parser.formula()
     except FormulaError as error:
+        raise _explained(text, error) from error
+    return LocatedTree(tree, text, tuple(parser.tokens))
+
+
+def _explained(text: str, error: FormulaError) -> FormulaError:
+    """Return the error of a parser with its place in the text, and with what was probably meant."""
+    try:
         # A character outside of the grammar comes first; places are counted only where there is a fault.
         tokens = tokenize(text)
+    except FormulaError as first:
+        found = first
+    else:
         place = None if error.position is None else tokens[error.position].position
-        raise type(error)(error.reason, position=place) from error
-    return LocatedTree(tree, text, tuple(parser.tokens))
+        found = type(error)(error.reason, position=place)
+    meant = None if isinstance(found, FormulaLimitError) else _meant(text)
+    if meant is None:
+        return found
+    return type(found)(f"{found.reason}; did you mean {meant!r}?", position=found.position)
+
+
+_LATEX: tuple[tuple[str, str], ...] = (
+    (r"\\(?:left|right|,|;|!|quad|displaystyle)(?![a-z])|\$", ""),
+    (r"\\[dt]?frac\s*\{([^{}]*)\}\s*\{([^{}]*)\}", r"(\1)/(\2)"),
+    (r"\\(?:cdot|times|ast)(?![a-z])", "*"),
+    (r"\\sqrt\s*\{([^{}]*)\}", r"sqrt(\1)"),
+    (r"(?:\\gamma|\u03b3|gamma)\s*_?(?:\{([123])\}|([123\u2081-\u2083]))", r"g\1\2"),
+    (r"\bg_\{?([123])\}?", r"g\1"),
+    (r"\\([a-z]+)", r"\1"),
+    (r"[{\[]", "("),
+    (r"[}\]]", ")"),
+    (r"(?<=\d),(?=\d)", "."),
+)
+"""Spellings of other languages and what a formula has for them, one after the other; braces not nested."""
+_REPLACED = str.maketrans(
+    {character: "" if " " in text else text for character, text in _WRITTEN.items() if text != "sqrt(...)"}
+    | {character: " " for character, text in _WRITTEN.items() if text == "a blank"}
+)
+_LONGEST_MEANT = 200
+
+
+def _meant(text: str) -> str | None:
+    """Return the formula that somebody probably meant, None where that is not to be guessed."""
+    if len(text) > _LONGEST_MEANT:
+        return None
+    for pattern, replacement in _LATEX:
+        text = re.sub(pattern, replacement, text)
+    text = _with_products(text.translate(_REPLACED))
+    pieces = _PIECE.findall(text)
+    try:
+        _Parser(pieces, Symbol).formula()
+    except FormulaError:
+        return None
+    return text
+
+
+def _with_products(text: str) -> str:
+    """Return a text with the sign * where two operands stand side by side."""
+    parts: list[str] = []
+    before, end = "", 0
+    for found in _PIECE.finditer(text):
+        piece = found.group()
+        ends = before == ")" or (before[:1] in _OPERAND and before not in _FUNCTIONS)
+        begins = piece == "(" or piece[:1] in _OPERAND
+        parts += ["*" if before and ends and begins else text[end : found.start()], piece]
+        before, end = piece, found.end()
+    return "".join(parts).strip()
 
 
 class _Parser:

@@ -31,8 +31,10 @@ class WindowOut(ResponseModel):
 
     index: int = Field(description="Its number among the windows of the curve, from 0.")
     ends: tuple[str, str] = Field(
-        description="Ends at the smallest and the largest |g1|: `pole`, `rest`, `equator`, `equilibrium`,"
-        " `standstill`, `collision` or `edge`."
+        description="What the motion does at the smallest and the largest |g1|: `rest` it turns at rest,"
+        " `equator` crosses the equator, `pole` passes a pole, `equilibrium` tends to an equilibrium,"
+        " `standstill` comes to a standstill, `collision` runs into a collision, `edge` reaches the edge of"
+        " the domain."
     )
     g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
     g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")
@@ -92,7 +94,8 @@ class StabilityOut(ResponseModel):
     )
     multipliers_error: float = Field(description="Bound of the absolute error of each multiplier.")
     verdict: Literal["stable", "unstable", "marginal"] = Field(
-        description="`stable` if |trace| < 2, `unstable` if > 2, `marginal` if the error does not tell."
+        description="Against leaving its plane the motion is linearly `stable` if |trace| < 2, `unstable` if"
+        " > 2, `marginal` if the error does not tell."
     )
     exponent: float = Field(description="Growth per unit time, log|μ| / T.")
     exponent_error: float = Field(description="Bound of the absolute error of the exponent.")
@@ -100,7 +103,8 @@ class StabilityOut(ResponseModel):
         description="The trace from Lamé's equation, where it applies: a second, independent value."
     )
     trusted_time: float | None = Field(
-        description="How long integration in doubles keeps the tolerance; null if beyond a million periods."
+        description="Until this time at best, double precision keeps the problem's tolerance; null if beyond"
+        " a million periods."
     )
 
 

@@ -295,7 +295,7 @@ NUMBERS: Mapping[str, KeptNumber] = {
     **_stability("trace", "error", "μ + 1/μ over the period"),
     **_stability("exponent", "exponent_error", "log|μ| / T"),
     "stability.trusted_time": KeptNumber(
-        ("stability", "trusted_time"), "stability", "how long integration in doubles keeps the tolerance"
+        ("stability", "trusted_time"), "stability", "until when double precision keeps the tolerance"
     ),
     **_estimate("precession.psi1", ("precession", "psi1"), "orientation", "growth of psi1 per period"),
     **_estimate("precession.psi3", ("precession", "psi3"), "orientation", "growth of psi3 per period"),

@@ -59,7 +59,7 @@ def test_the_page_has_all_its_files_from_here_and_needs_no_key(client, database,
 def test_the_policy_lets_nothing_in_from_elsewhere(client, path):
     response = client.get(path)
     allowed = policy(response)
-    assert allowed.pop("img-src") == ["'self'", "data:"]
+    assert allowed.pop("img-src") == ["'self'", "data:", "blob:"]
     assert {source for sources in allowed.values() for source in sources} == {"'self'", "'none'"}
     assert allowed["default-src"] == allowed["frame-ancestors"] == ["'none'"]
     assert response.headers["X-Content-Type-Options"] == "nosniff"

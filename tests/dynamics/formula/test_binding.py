@@ -90,7 +90,10 @@ def test_products_grow_up_to_the_limit_and_no_further() -> None:
 
 
 def test_an_unknown_name_is_told_what_is_known() -> None:
-    with pytest.raises(UnknownNameError, match="'x' is not known here; known are g1, g2, g3, pi, a, k"):
+    with pytest.raises(
+        UnknownNameError,
+        match=r"'x' is not known here; known are g1, g2, g3, pi, a, k; add x = … to the parameters",
+    ):
         _bind("x", k="1", a="1")
 
 

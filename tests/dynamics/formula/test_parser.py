@@ -1,4 +1,5 @@
 import random
+import re
 import sys
 
 import pytest
@@ -69,6 +70,31 @@ def test_a_character_from_a_page_is_named_with_what_is_written_for_it(
     assert f"(U+{ord(character):04X}, {name})" in caught.value.message
     assert written in caught.value.message
     assert caught.value.position == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "meant"),
+    [
+        ("γ₁ + k", "g1 + k"),
+        ("γ_1·γ_{3}²", "g1*g3^2"),
+        ("2g1 (g1+g3)", "2*g1*(g1+g3)"),
+        ("a(g1 + 1)", "a*(g1 + 1)"),
+        (r"\frac{a}{g3^2} - \gamma_{1}\cdot\sqrt{g3}", "(a)/(g3^2) - g1*sqrt(g3)"),
+        ("1,5*g1", "1.5*g1"),
+        ("a*[g1 − 1]", "a*(g1 - 1)"),
+    ],
+)
+def test_a_slip_is_answered_with_what_was_meant(text: str, meant: str) -> None:
+    with pytest.raises(FormulaError, match=re.escape(f"did you mean {meant!r}?")):
+        parse(text)
+    parse(meant)
+
+
+@pytest.mark.parametrize("text", ["", "g1 +", "(g1", "g1)", "sin g1", "x = g1", "((", "2g1" * 100])
+def test_what_is_not_to_be_guessed_is_not(text: str) -> None:
+    with pytest.raises(FormulaError) as caught:
+        parse(text)
+    assert "did you mean" not in caught.value.message
 
 
 def test_every_node_knows_its_place() -> None:
