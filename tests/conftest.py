@@ -1,5 +1,6 @@
 import os
 import sys
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import is_hypothesis_test, settings
@@ -28,7 +29,7 @@ from workers.computation.compiled_code import WAY_VARIABLE, allow_compiling, kee
 # On CI the same examples are drawn each time, so that a red run is about the change and can be repeated;
 # who runs the tests at home, and the honesty run, draw others every time.
 SAME_EXAMPLES = os.environ.get("CI") == "true"
-settings.register_profile(EFFORT, deadline=None, max_examples=examples(20, 100), derandomize=SAME_EXAMPLES)
+settings.register_profile(EFFORT, deadline=None, max_examples=examples(12, 100), derandomize=SAME_EXAMPLES)
 settings.load_profile(EFFORT)
 
 __all__ = [
@@ -68,11 +69,23 @@ def pytest_xdist_auto_num_workers() -> int | None:
     return len(os.sched_getaffinity(0)) + 2 if sys.platform == "linux" else None
 
 
-@pytest.hookimpl(tryfirst=True)  # before markers choose
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave to `make test-long` what `make test` does in part.
+SHARED = "chromium_path", "postgres", "service"
+"""Parameters and fixtures of the session that are dear to start, one for each process that runs tests."""
 
-    That is random laws with many examples, and Postgres where the database does not matter.
+
+def _place(item: pytest.Item) -> int:
+    callspec = getattr(item, "callspec", None)
+    chosen = map(str, callspec.params.values()) if callspec else ()
+    needed = {*getattr(item, "fixturenames", ()), *chosen}
+    return next((place for place, name in enumerate(SHARED) if name in needed), len(SHARED))
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)  # before markers choose
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> Iterator[None]:
+    """Leave to `make test-long` what `make test` does in part, and begin with tests that share what is dear.
+
+    What is left are random laws with many examples, and Postgres where the database does not matter. Tests
+    that come first stay with one process: others steal the last ones.
     """
     for item in items:
         if is_hypothesis_test(getattr(item, "obj", None)):
@@ -80,3 +93,5 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         callspec = getattr(item, "callspec", None)
         if callspec and callspec.params.get("url") == "postgres" and item.get_closest_marker("any_database"):
             item.add_marker("long")
+    yield
+    items.sort(key=_place)

@@ -24,8 +24,7 @@ from service.api.prometheus import Metrics
 from service.api.verdicts.examiner import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
-from service.jobs.cluster import ClusterState
-from service.jobs.kernels import Kernels
+from service.jobs.kernels import ClusterState, Kernels
 from service.jobs.store import JobStore
 from service.local.wakeup import WakeUpSocket
 from service.local.workers import WorkerStanding

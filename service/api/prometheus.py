@@ -21,7 +21,7 @@ from prometheus_client.registry import Collector
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.api.verdicts.examiner import CachedExaminations
-from service.jobs.cluster import ClusterState
+from service.jobs.kernels import ClusterState
 from service.jobs.records import AttemptOutcome, JobKind
 from service.local.workers import WorkerStanding
 from service.logs import Complaints

@@ -7,9 +7,16 @@ out, ``error > limit`` lets NaN pass, and so does ``max(errors)``.
 from collections.abc import Iterable
 from decimal import Context, Decimal
 from math import inf, isfinite, isnan, nan, nextafter
+from typing import Literal
 
 _EXACT_CONTEXT = Context(prec=30)
 """Digits of the difference of two decimals, which is taken exactly and then rounded."""
+
+
+ErrorKind = Literal["theorem", "estimate", "difference"]
+"""How the bound of an error is known: ``theorem``: proved, by balls that contain every value; ``estimate``:
+counted or modelled, rounding by rounding and term by term, but not proved; ``difference``: independent
+computations were compared, and what they differ by was enlarged."""
 
 
 def is_within(error: float, limit: float) -> bool:

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 
 from service.dynamics.accuracy import GroupError
+from service.dynamics.bounds import ErrorKind
 from service.dynamics.methods import SolvedBy
 from service.dynamics.reduction.window import Window
 from service.dynamics.solution.dense_output import DenseOutput, FloatArray
@@ -20,8 +21,9 @@ def columns_of(outputs: Collection[str]) -> list[str]:
     return [name for name in COLUMNS if ("gamma" if name.startswith("g") else "omega") in outputs]
 
 
-EnclosureMethod = Literal["elliptic", "integral"]
-"""Ways to an enclosure: elliptic functions, for potentials of three terms; the integral, for any formula."""
+EnclosureMethod = Literal["elliptic", "integral", "steps"]
+"""Ways to an enclosure: elliptic functions, for potentials of three terms; the integral, for any formula;
+proven steps, from any state."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +32,8 @@ class Estimate:
 
     value: float
     error: float
+    kind: ErrorKind
+    """How the bound is known."""
 
 
 AperiodicKind = Literal["separatrix", "equilibrium", "collision", "pole"]
@@ -78,6 +82,10 @@ class Motion:
     """The six variables p, q, r, g1, g2, g3 at the exact times, ``times`` + ``low_parts``, shape (n, 6)."""
     error: float
     """Largest absolute error of any of the six variables over ``times``."""
+    samples_kind: ErrorKind
+    """How ``error`` is known."""
+    function_kind: ErrorKind
+    """How the error of ``dense`` is known, but for that of its period."""
     energy: Estimate
     window: Window | None
     """Where on the curve a planar motion takes place; None if it was integrated from any state."""

@@ -1,8 +1,10 @@
-"""The progress of compiling a worker's kernels, and its consequences for jobs and sweeps."""
+"""The equipment that workers report: kernels, with their consequences for jobs and sweeps, and a cluster."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal  # Any: a summary, which may be damaged
+
+from service.schemas.reading.documents import Document
 
 KERNELS = 315
 """How many functions are translated or made machine code of, each for the types of its arguments, as counted:
@@ -116,3 +118,45 @@ def _has_no_plain_way(document: Mapping[str, object]) -> bool:
     tolerance = accuracy.get("tolerance")
     is_small = isinstance(tolerance, int | float | str) and float(tolerance) < LARGEST_STATES
     return is_small or accuracy.get("tier") in ("high", "certified")
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A worker of the cluster that computes nothing, and why."""
+
+    worker: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class ClusterState:
+    """A cluster's workers."""
+
+    scheduler: str
+    is_connected: bool
+    workers: int
+    """Number of workers that are ready."""
+    threads: int
+    """Batches that they compute at the same time."""
+    left_out: tuple[LeftOut, ...]
+    dashboard: str | None
+    """Address of Dask's own page, if it has one."""
+
+    def document(self) -> Document:
+        """Return it as it is stored."""
+        return asdict(self)
+
+    @classmethod
+    def read(cls, document: Mapping[str, object]) -> "ClusterState":
+        """Return what :meth:`document` was made of."""
+        left_out = document["left_out"]
+        assert isinstance(left_out, list)
+        dashboard = document["dashboard"]
+        return cls(
+            scheduler=str(document["scheduler"]),
+            is_connected=bool(document["is_connected"]),
+            workers=int(str(document["workers"])),
+            threads=int(str(document["threads"])),
+            left_out=tuple(LeftOut(str(each["worker"]), str(each["why"])) for each in left_out),
+            dashboard=None if dashboard is None else str(dashboard),
+        )

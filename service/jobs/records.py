@@ -154,6 +154,8 @@ class ChunkOutcome:
     """Smallest and largest of each kept number that any point has."""
     seconds: float
     """Seconds that computing them took."""
+    source: Mapping[str, object] | None = None
+    """The ``host`` that computed them, and the provenance of a solution from there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,6 +319,8 @@ class SweepRecord(SweepProgress):
     """One sweep."""
 
     document: Mapping[str, object]
+    provenances: Sequence[Mapping[str, object]]
+    """Origins of its points: each provenance of a solution once, with the names of its ``hosts``."""
 
 
 @dataclass(frozen=True, slots=True)

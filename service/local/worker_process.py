@@ -41,6 +41,11 @@ def this_host() -> str:
     return os.uname().nodename[:200] + boot
 
 
+def own_host() -> str:
+    """Return the name by which the settings call this host, else its own; for processes without settings."""
+    return os.environ.get("POLHODE_HOST_NAME") or this_host()
+
+
 def new_worker_name(host: str) -> str:
     """Return a unique name for a worker."""
     return f"{host[:64]}:{os.getpid()}:{os.urandom(4).hex()}"

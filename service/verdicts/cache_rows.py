@@ -25,7 +25,7 @@ def is_sound(key: str, content: bytes, checksum: str) -> bool:
     return checksum_of(key, content) == checksum
 
 
-EXAMINATION_CODE = 2
+EXAMINATION_CODE = 3
 """Grows whenever a problem may get another verdict, proof, counterexample or window, in any form."""
 
 _OF_CURVE = ("type", "lambda", "nu", "g1_sign", "g3_sign")

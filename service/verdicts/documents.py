@@ -7,6 +7,7 @@ proof, and nothing is left out of a proof because of one.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from fractions import Fraction
 
 import numpy as np
 from flint import arb
@@ -14,6 +15,10 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import printed_error
+from service.dynamics.discovery.cases import known_cases
+from service.dynamics.discovery.outcomes import NotPolynomialError
+from service.dynamics.discovery.potential_search import ratios_that_admit
+from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.vanishing import vanishing_parts
@@ -21,6 +26,7 @@ from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.inverse.decomposition import Decomposition, decompose
 from service.dynamics.inverse.enclosures import Values
 from service.dynamics.inverse.named import Named, NamedFormulas
+from service.dynamics.inverse.polynomials import as_polynomial
 from service.dynamics.inverse.projection import nearest_admissible
 from service.dynamics.inverse.terms import Terms
 from service.dynamics.potentials.families.general_solution import QUADRANTS, SIGNS, Quadrant
@@ -30,11 +36,12 @@ from service.dynamics.reduction.existence import CurveRange, Existence
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.window import Arc, Window, height
 from service.dynamics.solution.ball_columns import as_decimals
+from service.dynamics.verdict.exact_ring.layout import NoProofError
 from service.dynamics.verdict.own_curve import InadmissibleMotionError
 from service.dynamics.verdict.refutations.counterexample import Counterexample
 from service.dynamics.verdict.refutations.jumps import Jump
 from service.dynamics.verdict.verdict import Verdict
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Document, Part
 
 NAMELESS = NamedFormulas()
 W_POINTS = (0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0)
@@ -61,13 +68,20 @@ def verdict_document(body: RigidBody, verdict: Verdict, potential: Potential) ->
         "evidence": None if evidence is None else asdict(evidence),
         "decomposition": None,
         "nearest": None,
+        "ratios": None,
         "motions": None,
         "existence": None,
         "plan": None,
         "formulas": None,
         "classical": None,
+        "known_cases": known_cases_document(body, potential),
         "warnings": [asdict(notice) for notice in potential.notices],
     }
+
+
+def known_cases_document(body: RigidBody, potential: Potential) -> list[Document]:
+    """Return the cases with names that the body and the field are, each with its source."""
+    return [asdict(case) for case in known_cases(body, potential)]
 
 
 def _counterexample(point: Counterexample | None, jump: Jump | None) -> Document | None:
@@ -191,6 +205,23 @@ def nearest_document(
             for n, distance in enumerate(nearest.distances)
         ],
     }
+
+
+def ratios_document(body: RigidBody, potential: Potential, stated: Part) -> Document | None:
+    """Return the ratios A/C for which a polynomial would be admissible, its formula being as ``stated``.
+
+    None of a potential that is no polynomial.
+    """
+    if as_polynomial(potential) is None:
+        return None
+    text, parameters = potential.formula(), dict[str, Fraction]()
+    if stated["type"] == "expression":
+        text, given = stated["expression"], stated.get("parameters") or {}
+        parameters = {name: exact_number(value) for name, value in given.items()}
+    try:
+        return ratios_that_admit(text, parameters, B=body.B, C=body.C).to_document()
+    except (NotPolynomialError, NoProofError):
+        return None
 
 
 def window_document(window: Window) -> Document:

@@ -42,6 +42,7 @@ from service.verdicts.documents import (
     energy_document,
     nearest_document,
     plan_document,
+    ratios_document,
     verdict_document,
     window_document,
 )
@@ -206,9 +207,10 @@ def _judge_question(document: Part) -> Answer:
     if refuted:
         named, degree = question.named(), question.nearest_degree
         nearest = nearest_document(question.body, question.potential, named, degree)
+        ratios = ratios_document(question.body, question.potential, question.stated)
         if refusal is not None:
-            return refusal if nearest is None else with_extras(refusal, nearest=nearest)
-        return {"verdict": {**answer, "nearest": nearest}}
+            return refusal if nearest is None else with_extras(refusal, nearest=nearest, ratios=ratios)
+        return {"verdict": {**answer, "nearest": nearest, "ratios": ratios}}
     if refusal is not None:
         return refusal
     if isinstance(question.motion, PlanarMotion):

@@ -18,6 +18,7 @@ from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from tests.abuse.readers import ATTACKS, MB, memory_of, mute_clients, paths
 from tests.support.databases import url_of
+from tests.support.effort import one_in
 from tests.support.keys import make
 from tests.support.serving import Service, serving
 from tests.support.sweeps import store_points
@@ -63,7 +64,7 @@ def get(address, path):
 @pytest.mark.parametrize(
     "name",
     # More of the same clients are measured only.
-    [name for name in ATTACKS if not name.startswith("many")],
+    one_in(2, (name for name in ATTACKS if not name.startswith("many"))),
 )
 def test_those_who_do_not_read_stop_nobody_and_fill_no_memory(service, name):
     running, named = service

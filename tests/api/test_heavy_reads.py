@@ -328,6 +328,7 @@ LIGHT = {
     "/v1/solutions/{solution_id}/citation": "text of one row",
     "/v1/solutions/{solution_id}/provenance": "text of one row and its attempts",
     "/v1/sweeps/{sweep_id}": "one row",
+    "/v1/sweeps/{sweep_id}/provenance": "text of one row",
 }
 """What computes and builds nothing to speak of, and why. Whatever else there is is made in a place."""
 ASKED = [path for path, roles in ACCESS.items() if "GET" in roles]

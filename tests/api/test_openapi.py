@@ -46,6 +46,7 @@ OPERATIONS = {
     "/v1/sweeps/{sweep_id}/package": {"GET": "get_package"},
     "/v1/sweeps/{sweep_id}/events": {"GET": "follow_sweep"},
     "/v1/sweeps/{sweep_id}/grid": {"GET": "get_grid"},
+    "/v1/sweeps/{sweep_id}/provenance": {"GET": "get_sweep_provenance"},
     "/v1/sweeps/{sweep_id}/points": {"GET": "get_points"},
     "/v1/sweeps/{sweep_id}/points/facets": {"GET": "get_point_facets"},
     "/v1/sweeps/{sweep_id}/points/statistics": {"GET": "get_point_statistics"},

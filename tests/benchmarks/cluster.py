@@ -8,9 +8,12 @@ from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 
+from sqlalchemy import select
+
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.sweeps.sweep_store import SweepStore
+from service.storage.tables.operations import WorkerRow
 from tests.benchmarks.lists import seconds_of_list
 from tests.benchmarks.measuring import Effort, Table
 from tests.benchmarks.throughput import PATIENCE, PLACES, postgres_url, sqlite_url
@@ -97,20 +100,24 @@ def carried(effort: Effort) -> Table:
                 ("SQLite", lambda kind: sqlite_url(folder, kind)),
                 ("Postgres", lambda kind: postgres_url(server)),
             ):
-                for kind, submit in (("single jobs", _submit_jobs), ("chunks", _submit_chunks)):
-                    rows.append((engine, kind, *_carried(cluster, server, make(kind), effort, submit)))
+                for bridges in (1, 2):
+                    for kind, submit in (("single jobs", _submit_jobs), ("chunks", _submit_chunks)):
+                        url = make(f"{kind} {bridges}")
+                        found = _carried(cluster, server, url, effort, submit, bridges)
+                        rows.append((engine, str(bridges), kind, *found))
     remark = (
         f"{SLEEPERS} children of one Dask worker sleep {CHUNK_SECONDS:g} s for a chunk of {CHUNK_POINTS} "
-        "points, and not at all for a job. Processor time of the bridge, and of Postgres, for each; "
-        "it saturates at the rate, a second, at which the bridge alone fills one processor."
+        "points, and not at all for a job. Processor time of the bridges, and of Postgres, for each; "
+        "they saturate at the rate, a second, at which each of them alone fills one processor."
     )
     heads = (
         "database",
+        "bridges",
         "what",
         "a second",
-        "bridge, ms each",
+        "bridges, ms each",
         "Postgres, ms each",
-        "bridge saturates at, a second",
+        "bridges saturate at, a second",
     )
     return Table("What one bridge carries", remark, heads, tuple(rows))
 
@@ -134,24 +141,40 @@ def _carried(
     url: str,
     effort: Effort,
     submit: Callable[[Database, int], Callable[[], bool]],
+    number_of_bridges: int,
 ) -> tuple[str, ...]:
     database = Database(url)
     number = effort.repeats(2000 if submit is _submit_jobs else 1000)
-    bridge = Worker(url, pool="dask", dask_scheduler=cluster.address, lease_seconds=10.0, poll_seconds=0.1)
+    terms = {"pool": "dask", "dask_scheduler": cluster.address, "lease_seconds": 10.0, "poll_seconds": 0.1}
+    bridges = [Worker(url, **terms) for _ in range(number_of_bridges)]
+
+    def spent() -> float:
+        return sum(_seconds(bridge.process.pid) for bridge in bridges)
+
     try:
+        wait_until(lambda: _ready(database) == number_of_bridges)
         wait_until(submit(database, 2))
         is_done = submit(database, number)
-        began, before = time.perf_counter(), _seconds(bridge.process.pid)
+        began, before = time.perf_counter(), spent()
         theirs = _postgres_seconds(server)
         wait_until(is_done, PATIENCE)
         seconds = time.perf_counter() - began
-        ours = (_seconds(bridge.process.pid) - before) / number
+        ours = (spent() - before) / number
         theirs = (_postgres_seconds(server) - theirs) / number
     finally:
-        bridge.clean_up()
+        for bridge in bridges:
+            bridge.clean_up()
         database.close()
     shown = f"{1e3 * theirs:.2f}" if url.startswith("postgres") else ""
-    return f"{number / seconds:,.0f}", f"{1e3 * ours:.2f}", shown, f"{1 / ours:,.0f}"
+    saturated = number_of_bridges / ours
+    return f"{number / seconds:,.0f}", f"{1e3 * ours:.2f}", shown, f"{saturated:,.0f}"
+
+
+def _ready(database: Database) -> int:
+    """Return how many bridges may compute."""
+    with database.read() as session:
+        found = session.scalars(select(WorkerRow.cluster)).all()
+    return sum(each is not None and each["threads"] == SLEEPERS for each in found)
 
 
 def _postgres_seconds(server: PostgresServer) -> float:

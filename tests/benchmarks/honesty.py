@@ -3,14 +3,15 @@
 Random problems are solved in every tier, as the service does. Smooth ones and motions through poles are
 compared with the certified motion in balls, motions from states with series in long integers, hostile ones
 with what is true of them by their making. A claim is exceeded if the whole ball is further away than it. With
-``--record FILE``, ``--passages-record FILE``, ``--states-record FILE`` and ``--hostile-record FILE`` a run
-goes on where the last one with those files stopped; what is asked no more of is written as it was counted.
-``--only smooth``, for example, runs and writes one section; the others stay as they are on the page. To run
-in the background in bounded time, and go on later: ``--only smooth --seconds 3000 --record F``.
+``--records FOLDER`` a run goes on where the last one with that folder stopped; what is asked no more of is
+written as it was counted. ``--only smooth``, for example, runs and writes one section; the others stay
+as they are on the page. To run in the background in bounded time, and go on later:
+``--only smooth --seconds 3000 --processes 1 --records FOLDER``.
 """
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from math import inf
@@ -20,23 +21,44 @@ from typing import Literal
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
 from service.versions import version_of
-from tests.benchmarks.honesty_counts import MOST, SUBJECTS, TIERS, Record, Subject, Tally, load, measure
-from tests.benchmarks.honesty_page import MEASURED, NOT_COVERED, PASSAGES, PROVED, SMOOTH, STATES, TITLE
+from tests.benchmarks.honesty_counts import MOST, SUBJECTS, TIERS, Record, Tally, load, measure
+from tests.benchmarks.honesty_page import (
+    MEASURED,
+    MOTIONS,
+    NOT_COVERED,
+    PASSAGES,
+    PROVED,
+    SMOOTH,
+    STATES,
+    TITLE,
+)
 from tests.benchmarks.hostile_counts import HostileRecord, faults_of, load_hostile, measure_hostile
 from tests.benchmarks.hostile_report import hostile_section
-from tests.support import random_states
-from tests.support.claims import BITS, CLAIMS, LATEST
-from tests.support.hostile_documents import ONLY
+from tests.support import random_motions, random_states
+from tests.support.claims import BITS, CLAIMS, LATEST, PASSAGE_BITS
 from tests.support.hostile_ways import ROUNDS
 from tests.support.random_documents import SMALLEST_GAP
 
 REPORT = Path(__file__).parents[2] / "docs" / "honesty.md"
-Kind = Literal["smooth", "passages", "states", "hostile"]
+Kind = Literal["smooth", "passages", "states", "motions", "hostile", "infinite", "cancellation"]
+KINDS: Mapping[Kind, int] = {
+    "smooth": 10_000,
+    "passages": 2000,
+    "states": 5000,
+    "motions": 2000,
+    "hostile": 2000,
+    "infinite": 1000,
+    "cancellation": 1000,
+}
+"""How many problems of each are asked; the last two are classes of hostile ones."""
 HEADS: Mapping[Kind, str] = {
     "smooth": "## Smooth potentials\n",
     "passages": "## Motions through poles\n",
     "states": "## Motions from states next to unstable ones\n",
+    "motions": "## Motions of every sort, attitudes and multipliers\n",
     "hostile": "## Hostile potentials\n",
+    "infinite": "## Poles of G\n",
+    "cancellation": "## Potentials written with cancellation\n",
 }
 """Headings of the sections, in their order."""
 
@@ -64,36 +86,21 @@ def sections(page: str) -> dict[Kind, str]:
     }
 
 
-def smooth_section(record: Record, text: str) -> list[str]:
-    """Return a section about planar motions that are compared with enclosures."""
-    return [
-        text.format(
-            seed=record.seed,
-            done=record.done,
-            minutes=record.seconds / 60,
-            bits=BITS,
-            latest=10**LATEST,
-            smallest=SMALLEST_GAP,
-            numerics=NUMERICS,
-        ),
-        *_counted(record, f"Problems by family and ends: {_listed(record.drawn)}."),
-    ]
-
-
-def states_section(record: Record) -> list[str]:
-    """Return the section about motions from states."""
-    return [
-        STATES.format(
-            seed=record.seed,
-            done=record.done,
-            minutes=record.seconds / 60,
-            narrowest=random_states.NARROWEST,
-            passages=random_states.PASSAGES,
-            latest=random_states.LAST,
-            numerics=NUMERICS,
-        ),
-        *_counted(record, f"Motions: {_listed(record.drawn)}."),
-    ]
+def _section(record: Record) -> list[str]:
+    """Return a section about motions that are compared with a reference."""
+    text = {"smooth": SMOOTH, "passages": PASSAGES, "states": STATES, "motions": MOTIONS}[record.subject]
+    numbers = {"seed": record.seed, "done": record.done, "minutes": record.seconds / 60, "numerics": NUMERICS}
+    if record.subject == "states":
+        numbers |= {"narrowest": random_states.NARROWEST, "passages": random_states.PASSAGES}
+        numbers["latest"] = random_states.LAST
+    elif record.subject == "motions":
+        numbers |= {"radians": random_motions.MOST_RADIANS, "fastest": random_motions.FASTEST}
+        numbers["latest"] = random_motions.LATEST
+    else:
+        bits = PASSAGE_BITS if record.subject == "passages" else BITS
+        numbers |= {"bits": bits, "latest": 10**LATEST, "smallest": SMALLEST_GAP}
+    what = "Motions" if record.subject in ("states", "motions") else "Problems by family and ends"
+    return [text.format(**numbers), *_counted(record, f"{what}: {_listed(record.drawn)}.")]
 
 
 def _counted(record: Record, drawn: str) -> list[str]:
@@ -127,14 +134,20 @@ def _table(tiers: Mapping[Tier, Sequence[Tally]], families: Sequence[str]) -> li
             )
             lines.append(
                 f"| {tier} | {family} | {asked} | {tally.solved} | {_listed(tally.refused)} | {exceeded} "
-                f"| {tally.smallest.get('samples', inf):.2g} | {_median(tally)} |"
+                f"| {_smallest(tally):.2g} | {_median(tally)} "
+                f"| {tally.seconds / max(1, asked):.2g} |"
             )
     return lines
 
 
+def _smallest(tally: Tally) -> float:
+    return tally.smallest.get("samples", tally.smallest.get("trace", inf))
+
+
 def _median(tally: Tally) -> str:
     """Return the power of ten in which the median of claimed/actual of the samples lies."""
-    powers = sorted(int(power) for power in tally.ratios["samples"].elements())
+    counted = tally.ratios["samples"] or tally.ratios["trace"]
+    powers = sorted(int(power) for power in counted.elements())
     return _range(powers[(len(powers) - 1) // 2]) if powers else "none"
 
 
@@ -172,67 +185,43 @@ def _listed(counts: Mapping[str, int]) -> str:
 def main() -> int:
     """Measure and write; 1 if anything is wrong."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.honesty", description=__doc__)
-    parser.add_argument("--count", type=int, default=10_000, help="smooth problems, each in every tier")
-    parser.add_argument("--passages", type=int, default=2000, help="motions through poles, in every tier")
-    parser.add_argument("--states", type=int, default=5000, help="motions from states, each in every tier")
-    parser.add_argument("--hostile", type=int, default=2000, help="hostile problems, each in every tier")
+    parser.add_argument("--only", choices=KINDS, help="run this kind; other sections are kept")
+    parser.add_argument("--count", type=int, help="problems of each kind, each in every tier")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=inf, help="stop after them, of each kind")
-    parser.add_argument("--record", type=Path, help="file of what has been counted, to go on from")
-    parser.add_argument("--passages-record", type=Path, help="the same of motions through poles")
-    parser.add_argument("--states-record", type=Path, help="the same of motions from states")
-    parser.add_argument("--hostile-record", type=Path, help="the same of hostile problems")
-    parser.add_argument("--only", choices=HEADS, help="run this kind; other sections are kept")
-    parser.add_argument("--class", dest="only_class", choices=ONLY, help="of hostile problems")
+    parser.add_argument("--records", type=Path, help="folder of what has been counted, to go on from")
+    parser.add_argument("--processes", type=int, default=os.cpu_count() or 1, help="that run at a time")
     parser.add_argument("--page", type=Path, default=REPORT, help="written there; the default is in docs")
     arguments = parser.parse_args()
-    asked: set[Kind] = {arguments.only} if arguments.only else set(HEADS)
-    files: dict[Subject, Path | None] = {
-        "smooth": arguments.record,
-        "passages": arguments.passages_record,
-        "states": arguments.states_record,
-    }
-    records = {
-        subject: load(path, arguments.seed, subject) if path else Record(arguments.seed, subject)
-        for subject, path in files.items()
-    }
-    hostile = HostileRecord(arguments.seed)
-    if arguments.hostile_record:
-        hostile = load_hostile(arguments.hostile_record, arguments.seed)
-
-    def keep(record: Record) -> None:
-        path = files[record.subject]
-        if path:
-            path.write_text(json.dumps(record, default=vars))
-
-    def keep_hostile(hostile: HostileRecord) -> None:
-        if arguments.hostile_record:
-            arguments.hostile_record.write_text(json.dumps(vars(hostile)))
-
+    asked: Sequence[Kind] = [arguments.only] if arguments.only else list(KINDS)
     found = sections(REPORT.read_text(encoding="utf-8"))
-    if "smooth" in asked:
-        measure(records["smooth"], arguments.count, arguments.seconds, keep)
-        found["smooth"] = "\n".join(smooth_section(records["smooth"], SMOOTH))
-    if "passages" in asked:
-        measure(records["passages"], arguments.passages, arguments.seconds, keep)
-        found["passages"] = "\n".join(smooth_section(records["passages"], PASSAGES))
-    if "states" in asked:
-        measure(records["states"], arguments.states, arguments.seconds, keep)
-        found["states"] = "\n".join(states_section(records["states"]))
-    if "hostile" in asked:
-        measure_hostile(hostile, arguments.hostile, arguments.seconds, keep_hostile, arguments.only_class)
-        found["hostile"] = "\n".join(hostile_section(hostile))
+    wrong: list[str] = []
+    for kind in asked:
+        path = arguments.records / f"{kind}.json" if arguments.records else None
+        seed, count = arguments.seed, arguments.count or KINDS[kind]
+
+        def keep(record: Record | HostileRecord, path: Path | None = path) -> None:
+            if path:
+                path.write_text(json.dumps(record, default=vars))
+
+        if kind == "hostile" or kind == "infinite" or kind == "cancellation":
+            hostile = load_hostile(path, seed) if path else HostileRecord(seed)
+            only = None if kind == "hostile" else kind
+            measure_hostile(hostile, count, arguments.seconds, keep, only, arguments.processes)
+            found[kind] = "\n".join(hostile_section(hostile, kind))
+            wrong += [f"{row['kind']}: {faults_of(row)}" for row in hostile.rows if faults_of(row)]
+            done, took = len(hostile.rows), hostile.seconds
+        else:
+            record = load(path, seed, kind) if path else Record(seed, kind)
+            measure(record, count, arguments.seconds, keep, arguments.processes)
+            found[kind] = "\n".join(_section(record))
+            wrong += record.documents
+            done, took = record.done, record.seconds
+        say(f"{done} problems of the kind {kind} in {took:.0f} s: {arguments.page}")
     arguments.page.write_text(report(found), encoding="utf-8")
-    exceeded = [text for record in records.values() for text in record.documents]
-    for text in exceeded:
+    for text in wrong:
         say(text)
-    wrong = [row for row in hostile.rows if faults_of(row)]
-    for row in wrong:
-        say(f"{row['kind']}: {faults_of(row)}")
-    for subject, record in records.items():
-        say(f"{record.done} problems about {subject} in {record.seconds:.0f} s")
-    say(f"{len(hostile.rows)} hostile problems in {hostile.seconds:.0f} s: {arguments.page}")
-    return 1 if exceeded or wrong else 0
+    return 1 if wrong else 0
 
 
 def say(text: str) -> None:

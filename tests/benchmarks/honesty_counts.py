@@ -1,7 +1,6 @@
 """What became of the claims of many random problems: counted, kept in a file, and gone on with."""
 
 import json
-import os
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
@@ -15,9 +14,11 @@ import numpy as np
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import Tier
+from tests.support import random_motions, random_states
 from tests.support.claims import CLAIMS, Case, Claim, claims_of, make_case
-from tests.support.random_documents import FAMILIES, Family
-from tests.support.random_states import KINDS, Kind, StateCase, claims_of_state, draw_state
+from tests.support.random_documents import EVERY, FAMILIES, Family
+from tests.support.random_motions import MotionCase, draw_motion
+from tests.support.random_states import StateCase, claims_of_state, draw_state
 from workers.computation.compiled_code import keep_compiled_code
 
 TIERS: tuple[Tier, ...] = ("draft", "standard", "high")
@@ -48,6 +49,8 @@ class Tally:
     """Smallest claimed/actual."""
     ratios: dict[str, Counter[str]] = field(default_factory=lambda: {name: Counter() for name in CLAIMS})
     """How often floor(log10(claimed/actual)) was seen."""
+    seconds: float = 0.0
+    """Time of the processor that it took, comparing included."""
 
     def count(self, claim: str, claimed: float, actual: float) -> None:
         """Count one claim and what it claims the bound of."""
@@ -61,6 +64,7 @@ class Tally:
     def add(self, other: "Tally") -> None:
         """Count what another has counted."""
         self.solved += other.solved
+        self.seconds += other.seconds
         self.refused += other.refused
         self.exceeded += other.exceeded
         for name, ratio in other.smallest.items():
@@ -69,8 +73,14 @@ class Tally:
             self.ratios[name] += powers
 
 
-Subject = Literal["smooth", "passages", "states"]
-SUBJECTS: Mapping[Subject, tuple[str, ...]] = {"smooth": FAMILIES, "passages": ("passage",), "states": KINDS}
+AnyCase = Case | StateCase | MotionCase
+Subject = Literal["smooth", "passages", "states", "motions"]
+SUBJECTS: Mapping[Subject, tuple[str, ...]] = {
+    "smooth": FAMILIES,
+    "passages": ("passage",),
+    "states": random_states.KINDS,
+    "motions": random_motions.KINDS,
+}
 """What problems are about, and their families."""
 
 
@@ -109,16 +119,18 @@ def family_of(index: int) -> Family:
     return ROTA.get(index % 80, "three-term")
 
 
-def measure(record: Record, count: int, seconds: float, keep: Callable[[Record], None]) -> None:
-    """Go on, on all processors, until problem ``count`` or until so many seconds have passed.
+def measure(
+    record: Record, count: int, seconds: float, keep: Callable[[Record], None], processes: int
+) -> None:
+    """Go on, in so many processes, until problem ``count`` or until so many seconds have passed.
 
     ``keep`` is called with the record whenever some more are counted.
     """
     began, before, asked = time.perf_counter(), record.seconds, record.done
     running: deque[Future[Record]] = deque()
-    with ProcessPoolExecutor() as pool:
+    with ProcessPoolExecutor(processes) as pool:
         while True:
-            while len(running) < 2 * (os.cpu_count() or 1) and asked < count:
+            while len(running) < 2 * processes and asked < count:
                 if time.perf_counter() - began > seconds:
                     break
                 following = min(count, asked + TOGETHER)
@@ -144,11 +156,10 @@ def measured(subject: Subject, seed: int, first: int, last: int) -> Record:
 
 
 def _measure_one(record: Record, index: int, draws: np.random.Generator) -> None:
-    family: Family | Kind = family_of(index)
-    if record.subject != "smooth":
-        family = "passage" if record.subject == "passages" else KINDS[index % len(KINDS)]
+    families = SUBJECTS[record.subject]
+    family = family_of(index) if record.subject == "smooth" else families[index % len(families)]
     try:
-        case = draw_state(family, draws) if family in KINDS else make_case(family, draws)
+        case = _drawn(family, draws)
     except DynamicsError as refusal:
         record.unknown[f"{family}: {refusal.code}"] += 1
         return
@@ -159,6 +170,7 @@ def _measure_one(record: Record, index: int, draws: np.random.Generator) -> None
     record.drawn[f"{family}: {case.about}"] += 1
     for tier in TIERS:
         tally = record.tallies[f"{tier} {family}"]
+        began = time.process_time()
         try:
             claims = _claims(case, tier)
         except DynamicsError as refusal:
@@ -169,6 +181,8 @@ def _measure_one(record: Record, index: int, draws: np.random.Generator) -> None
             tally.refused[type(fault).__name__] += 1
             _tell(record, f"{type(fault).__name__}: {fault}", case, tier)
             continue
+        finally:
+            tally.seconds += time.process_time() - began
         tally.solved += 1
         for claim in claims:
             tally.count(claim.name, claim.claimed, claim.actual)
@@ -178,11 +192,23 @@ def _measure_one(record: Record, index: int, draws: np.random.Generator) -> None
                 _tell(record, told, case, tier)
 
 
-def _claims(case: Case | StateCase, tier: Tier) -> list[Claim]:
+def _drawn(family: str, draws: np.random.Generator) -> AnyCase:
+    for name in EVERY:
+        if name == family:
+            return make_case(name, draws)
+    for kind in random_states.KINDS:
+        if kind == family:
+            return draw_state(kind, draws)
+    return draw_motion(next(kind for kind in random_motions.KINDS if kind == family), draws)
+
+
+def _claims(case: AnyCase, tier: Tier) -> list[Claim]:
+    if isinstance(case, MotionCase):
+        return case.claims(tier)
     return claims_of(case, tier) if isinstance(case, Case) else claims_of_state(case, tier)
 
 
-def _tell(record: Record, what: str, case: Case | StateCase, tier: Tier) -> None:
+def _tell(record: Record, what: str, case: AnyCase, tier: Tier) -> None:
     record.documents.append(f"{what}\n{json.dumps(case.document(tier))}")
 
 
@@ -206,6 +232,7 @@ def load(path: Path, seed: int, subject: Subject) -> Record:
             Counter(tally["exceeded"]),
             tally["smallest"],
             {claim: Counter(powers) for claim, powers in tally["ratios"].items()},
+            tally["seconds"],
         )
         for name, tally in read.pop("tallies").items()
     }

@@ -55,8 +55,9 @@ MEASURED = """## What is measured
   panels are judged by the decay of their series. Along the motion V₁ is a series of integrals, to 80 bits by
   the decay of its terms and by what is seen between its nodes.
 * **The method `integration`**, and with it cross-checks and motions from any state: the error is the
-  difference of runs (of four in compiled code, else of two), and what errors of every step grow to until
-  any later time (`grown_errors` in the evidence), checked against the equations. Growth is that of the
+  difference of runs (of four in compiled code; else of two, or the error that what the finer one leaves of
+  the equations makes, `error_by_residual` in the evidence, if that is more), and what errors of every step
+  grow to until any later time (`grown_errors`), checked against the equations. Growth is that of the
   equations of variation along the motion; what a step loses is modelled, as a rounding of all that is added
   up in it and what its series leave out. Both parts are estimates, to first order.
 
@@ -66,9 +67,9 @@ none was exceeded in a run is said of its problems, and of no others.
 
 NOT_COVERED = """## What is not covered
 
-* By no reference here: potentials given by an integral, the orientation, multipliers, the classical cases,
-  motions from other states than below; of smooth potentials aperiodic motions, and those that pass a pole at
-  which V has a logarithm.
+* By no reference here: potentials given by an integral; attitude and multipliers of other planar motions than
+  those with three terms; of smooth potentials aperiodic motions, and those that pass a pole at which V has a
+  logarithm; motions from any state beyond t = 60, and fields that are no sums of powers.
 * Of hostile potentials those that are not admissible are judged by their verdicts alone, as are motions
   into a collision at a pole by their windows alone. Admissible features are functions of g2 times
   A g1² + C g3², and kinks on curves; there is none in F(w) but these.
@@ -83,12 +84,13 @@ The first {done} problems of the seed {seed}, in {minutes:.0f} minutes, numerics
 g1 = g3 = 0, with A/C or C/A between 1.01 and 100, of |g1| to the power that keeps p constant, of the first
 three homogeneous terms, and of the rational terms up to a_2 and c_2; the rest is as above. Next to a pole
 that is passed without smoothness the function of time has a wide claim of its own, since variables grow there
-like a root of the time; samples are then rounded enclosures, which claim what they miss. As there, the
-reference has {bits} bits, times go up to {latest:.0f} periods, and starts are as near to an end as
-1e{smallest:.0f}.
+like a root of the time; samples are then rounded enclosures, which claim what they miss; they are of 64 bits.
+The reference has {bits}, made anew; times go up to {latest:.0f} periods, and starts are as near to an end as
+1e{smallest:.0f}. Seconds of the processor are those of an answer, in one process that remembers the way
+through the poles.
 
-| tier | family | asked | solved | refused | exceeded | smallest | median |
-| --- | --- | --- | --- | --- | --- | --- | --- |"""
+| tier | family | asked | solved | refused | exceeded | smallest | median | seconds |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
 """Its section about motions through poles, up to the rows of the table."""
 
 SMOOTH = """## Smooth potentials
@@ -102,8 +104,8 @@ median the power of ten in which its median lies. Samples that are rounded enclo
 ratio of 1; they are of 64 bits, and the reference is made anew in 128. The verdict is not asked: all
 potentials are admissible by their making.
 
-| tier | family | asked | solved | refused | exceeded | smallest | median |
-| --- | --- | --- | --- | --- | --- | --- | --- |"""
+| tier | family | asked | solved | refused | exceeded | smallest | median | seconds |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
 
 STATES = """## Motions from states next to unstable ones
 
@@ -115,5 +117,23 @@ backwards. Whoever passes an unstable motion, leaves it and passes it again mult
 way. References are power series in integers of 160 bits (`tests/support/fixed_point.py`), from the exact
 state. Smallest and median as above.
 
-| tier | kind | asked | solved | refused | exceeded | smallest | median |
-| --- | --- | --- | --- | --- | --- | --- | --- |"""
+| tier | kind | asked | solved | refused | exceeded | smallest | median | seconds |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |"""
+
+MOTIONS = """## Motions of every sort, attitudes and multipliers
+
+The first {done} motions of the seed {seed}, in {minutes:.0f} minutes at low priority beside other work,
+numerics {numerics}. Chaotic: any body in a field with linear, quadratic and cubic terms, from any state, up
+to t = {latest:.0f}. Near upright: tops of every spin from half to twice the critical one, from 1e-3 of the
+vertical on. Fast spin: up to {fastest:.0e}, for {radians:.0f} radians. Nearly singular: a wall of the size
+1e-6 to 0.1 over a power of one γ, which the motion runs against. Moments nearly equal to 1e-12, or apart by
+up to 1e6. Planar: the attitude of motions with three terms, over two periods. Classical: all cases, with
+random bodies and phases. All of these with their attitude: the smaller bounds of ω and γ, of the quaternion
+and of each angle are compared one by one. Multipliers: of planar motions with three terms and any B between
+the triangle inequalities. References are series in integers of 160 bits (`tests/support/fixed_point.py`),
+for attitudes with q' = q ω / 2, for multipliers with the equations of variation of all six variables, from
+the exact state, or a proven one of 150 bits; of the classical cases from the state that the service places.
+Samples are those of a job, documents and all.
+
+| tier | kind | asked | solved | refused | exceeded | smallest | median | seconds |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- |"""

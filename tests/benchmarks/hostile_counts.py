@@ -22,7 +22,6 @@ BY_THE_CLOCK = 20
 """Times as long, by the clock, after which the child is killed: it is stuck, or hardly ever has its turn."""
 ENDS = {SandboxTimeoutError: TIME_LIMIT, SandboxMemoryError: "memory limit", SandboxCrashError: "crash"}
 SLOWEST = 10
-CHILDREN = 2
 PRELOAD = ("tests.support.hostile_judgement", "workers.solvers.compiled.solve")
 
 Row = dict[str, Any]
@@ -43,15 +42,16 @@ def measure_hostile(
     seconds: float,
     keep: Callable[[HostileRecord], None],
     only: str | None = None,
+    processes: int = 2,
 ) -> None:
     """Go on until problem ``count`` or until so many seconds have passed; ``keep`` is called now and then.
 
-    ``only`` is a class of problems.
+    ``only`` is a class of problems, ``processes`` the number of problems that are judged at a time.
     """
     began, before = time.perf_counter(), record.seconds
     # All stages of a problem in one child, which remembers what it has found of it.
     free: Queue[Sandbox] = Queue()
-    for _ in range(CHILDREN):
+    for _ in range(processes):
         free.put(Sandbox(1, preload=PRELOAD))
 
     def row(index: int) -> Row:
@@ -62,10 +62,10 @@ def measure_hostile(
             free.put(sandbox)
 
     try:
-        with ThreadPoolExecutor(CHILDREN) as threads:
+        with ThreadPoolExecutor(processes) as threads:
             while len(record.rows) < count and time.perf_counter() - began < seconds:
                 first = len(record.rows)
-                indices = range(first, min(count, first + 8 * CHILDREN))
+                indices = range(first, min(count, first + 8 * processes))
                 record.rows += threads.map(row, indices)
                 record.seconds = before + time.perf_counter() - began
                 keep(record)

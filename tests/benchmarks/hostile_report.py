@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from math import inf, isnan
 
+from service.dynamics.numerics import NUMERICS
 from tests.benchmarks.hostile_counts import (
     BOTH,
     EVERY,
@@ -17,6 +18,18 @@ from tests.benchmarks.hostile_counts import (
 from tests.support.claims import UNSEEN
 
 EFFECTS = ("wall", "well", "small")
+TIER_COLUMNS = (
+    "tier",
+    "class",
+    "asked",
+    "solved",
+    "refused",
+    "exceeded",
+    "window wrong",
+    "other faults",
+    "smallest",
+    "seconds",
+)
 
 
 def group_of(kind: str) -> str:
@@ -25,17 +38,18 @@ def group_of(kind: str) -> str:
     return " ".join(words[:-1] if words[-1] in EFFECTS else words)
 
 
-def hostile_section(record: HostileRecord) -> list[str]:
-    """Return the lines of the section."""
+def hostile_section(record: HostileRecord, kind: str = "hostile") -> list[str]:
+    """Return the lines of the section about hostile problems, or about a class of them."""
     rows = record.rows
     wrong = [row for row in rows if faults_of(row)]
     effects = Counter(row["kind"].split()[-1] for row in rows if row["kind"].split()[-1] in EFFECTS)
     unknown = Counter(row["unknown"] for row in rows if row["unknown"])
     return [
-        INTRODUCTION.format(
+        INTRODUCTIONS[kind].format(
             count=len(rows),
             seed=record.seed,
             minutes=record.seconds / 60,
+            numerics=NUMERICS,
             every=EVERY,
             limit=SECONDS["standard"],
             walls=effects["wall"],
@@ -53,8 +67,8 @@ def hostile_section(record: HostileRecord) -> list[str]:
         "",
         "### Motions",
         "",
-        "| tier | class | asked | solved | refused | exceeded | window wrong | other faults | smallest |",
-        "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
+        f"| {' | '.join(TIER_COLUMNS)} |",
+        "|" + " --- |" * len(TIER_COLUMNS),
         *(
             _tier_line(tier, name, part)
             for tier in (*TIERS, BOTH)
@@ -67,7 +81,7 @@ def hostile_section(record: HostileRecord) -> list[str]:
     ]
 
 
-INTRODUCTION = """## Hostile potentials
+_HOSTILE = """## Hostile potentials
 
 The first {count} problems of the seed {seed}, in {minutes:.0f} minutes. A smooth admissible potential
 gets a feature at a random place, of a width from 1e-1 to 1e-8: gaussians, rational bumps, steps,
@@ -91,6 +105,26 @@ remembers its verdict, windows and time map, as the service does: what is the sa
 
 **Problems with a fault: {wrong}.**
 """
+_INFINITE = """## Poles of G
+
+The first {count} problems of this class of the seed {seed}, in {minutes:.0f} minutes, numerics {numerics}:
+a smooth admissible potential, and at one place of the sphere, or two, p² is infinite like 1/t, 1/t² or 1/t³,
+with residues from walls down to 1e-6 of p². Motions end there in a collision, whose time is asked for. The
+truth is found as that of hostile potentials, and what is counted is the same.
+
+**Problems with a fault: {wrong}.**
+"""
+_CANCELLATION = """## Potentials written with cancellation
+
+The first {count} problems of this class of the seed {seed}, in {minutes:.0f} minutes, numerics {numerics}:
+a smooth admissible potential, three in ten with a kink, in a formula of which most cancels on the sphere (up
+to 1e9 times what is left), or hides there under a root, a power, a sine or a logarithm. The truth is found as
+that of hostile potentials, and what is counted is the same.
+
+**Problems with a fault: {wrong}.**
+"""
+INTRODUCTIONS = {"hostile": _HOSTILE, "infinite": _INFINITE, "cancellation": _CANCELLATION}
+"""The first words of each section."""
 
 
 def _groups(rows: Sequence[Row]) -> list[tuple[str, list[Row]]]:
@@ -118,7 +152,8 @@ def _tier_line(tier: str, name: str, rows: Sequence[Row]) -> str:
     others = Counter({kind: n for kind, n in faults.items() if kind in ("exception", "cross-check")})
     return (
         f"| {tier} | {name} | {len(stages)} | {len(stages) - codes.total()} | {_listed(codes)} | {exceeded} "
-        f"| {window} | {_listed(others)} | {min(map(_smallest, stages), default=inf):.2g} |"
+        f"| {window} | {_listed(others)} | {min(map(_smallest, stages), default=inf):.2g} "
+        f"| {sum(stage['seconds'] for stage in stages) / max(1, len(stages)):.2g} |"
     )
 
 

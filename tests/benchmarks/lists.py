@@ -60,6 +60,10 @@ def lists(effort: Effort) -> Table:
     return Table("Lists of problems", remark, heads, rows)
 
 
+_OF_A_POST = 1000
+"""Problems of a list at most, which is below the longest body that is accepted."""
+
+
 def seconds_of_list(
     running: Service, base: Mapping[str, object], tier: str, first: int, number: int
 ) -> float:
@@ -73,10 +77,11 @@ def seconds_of_list(
         for k in range(number)
     ]
     began = time.perf_counter()
-    answer = running.call("POST", "/v1/jobs", problems)
-    refused = [item for item in answer.document.get("items", ()) if item["job"] is None]
-    if answer.status != 202 or refused:
-        raise RuntimeError(f"{answer.status}: {refused[:1] or str(answer.document)[:500]}")
+    for start in range(0, number, _OF_A_POST):
+        answer = running.call("POST", "/v1/jobs", problems[start : start + _OF_A_POST])
+        refused = [item for item in answer.document.get("items", ()) if item["job"] is None]
+        if answer.status != 202 or refused:
+            raise RuntimeError(f"{answer.status}: {refused[:1] or str(answer.document)[:500]}")
     wait_until(lambda: not _is_any_left(running), PATIENCE)
     return time.perf_counter() - began
 

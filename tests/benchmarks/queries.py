@@ -118,6 +118,7 @@ def postgres(folder: Path) -> Iterator[tuple[str, Callable[[], None]]]:
     """Yield the same of Postgres."""
     place = folder / "postgres"
     place.mkdir(exist_ok=True)
+    folder.chmod(0o711)  # a temporary folder lets nobody but its owner through, and Postgres is somebody else
     is_new = not (place / "data").exists()
     server = PostgresServer(place)
     server.start()

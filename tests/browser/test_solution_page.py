@@ -22,7 +22,7 @@ ORIENTED = {**problem("state"), "outputs": ["gamma", "omega", "orientation"]}
 PIXEL = 0.004
 """Radians, of a picture 26rem wide."""
 NEAR = 2e-3
-"""Of times: a tenth of a pixel of the narrowest panel, 500 pixels for 10; browsers round places to less."""
+"""Difference of times: a tenth of a pixel of the narrowest panel, 500 for 10; browsers round to less."""
 FRAMES = """async ([columns, module]) => {
     const {attitudesFrom} = await import(module);
     const arrays = Object.fromEntries(Object.entries(columns).map(([k, v]) => [k, Float64Array.from(v)]));

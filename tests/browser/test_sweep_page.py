@@ -22,6 +22,17 @@ def sweep(tab):
     return page, points
 
 
+def test_unlike_hosts_are_told(tab):
+    def answer(route):
+        found = route.fetch().json()
+        kinds = [{**found["provenances"][0], "hosts": hosts} for hosts in (["a", "b"], ["b", "c"])]
+        route.fulfill(json={**found, "provenances": kinds})
+
+    tab.page.route(f"**/v1/sweeps/{tab.site.sweep}", answer)
+    page = tab.open(f"sweep?id={tab.site.sweep}")
+    expect(page.locator("#computed")).to_contain_text("Computed on 3 hosts, of 2 kinds:")
+
+
 def spot_of(page, x: float, y: float) -> dict[str, float]:
     """Return where two numbers are on the picture, in pixels of it."""
     ask = "([x, y]) => { const {xaxis, yaxis} = document.getElementById('picture')._fullLayout;"
@@ -47,6 +58,7 @@ def test_a_heat_map_has_the_colour_of_each_number_and_a_mark_for_each_reason(swe
     assert 0 < len(solved) < 72
     expect(page.locator("#progress")).to_contain_text("72 of 72")
     expect(page.locator("#refusals")).to_contain_text("no motion")
+    expect(page.locator("#computed")).to_have_text("Computed on one host.")
     expect(page.locator("#picture-note")).to_have_text(
         f"{len(solved)} motions, {72 - len(solved)} points without one."
     )

@@ -1,7 +1,7 @@
 """``polhode serve`` and another worker on one database, with every process that belongs to them.
 
 With the engine ``postgres`` the other worker is of another host: it has a folder and, if allowed, a
-network of its own.
+network of its own. With a cluster both are bridges to it.
 """
 
 import contextlib
@@ -18,6 +18,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from tests.support.dask_cluster import Cluster, Network
 from tests.workers.processes import network_apart
 
 POLHODE = Path(sys.executable).with_name("polhode")
@@ -32,13 +33,32 @@ SETTINGS = {
 }
 
 
-class Installation:
-    """``polhode serve`` with its worker and another worker; started anew whenever they are dead."""
+STALL_SECONDS = 8.0
+"""How long the network stalls: longer than a lease of those who use a cluster."""
+CLUSTER_SETTINGS = {
+    # Its workers say each second that they live, on a machine that is busy with starting others.
+    "POLHODE_LEASE_SECONDS": "5",
+    "POLHODE_POOL": "dask",
+}
 
-    def __init__(self, url: str, folder: Path, engine: str = "local") -> None:
+
+class Installation:
+    """``polhode serve`` with its worker and another worker; started anew whenever they are dead.
+
+    A cluster of their own, if they have one, has two workers under nannies, and is reached by a network that
+    stalls.
+    """
+
+    def __init__(self, url: str, folder: Path, engine: str = "local", *, has_cluster: bool = False) -> None:
         self._mark = f"{os.getpid()}-{time.monotonic_ns()}"
         self._folder = folder
         own = {MARK: self._mark, "POLHODE_DATABASE_URL": url, "POLHODE_ENGINE": engine}
+        self.cluster, self.network = None, None
+        if has_cluster:
+            (folder / "cluster").mkdir()
+            self.cluster = Cluster(folder / "cluster", workers=2, nannies=True, **own)
+            self.network = Network(self.cluster.address)
+            own |= {**CLUSTER_SETTINGS, "POLHODE_DASK_SCHEDULER": self.network.address}
         self.environment = {**os.environ, **SETTINGS, **own}
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
@@ -56,6 +76,8 @@ class Installation:
         for index, process in enumerate(self._running):
             if process.poll() is not None:
                 self._running[index] = self._start(self._launches[index])
+        if self.cluster is not None:
+            self.cluster.start_the_dead()
 
     def call(self, method: str, path: str, document: object = None) -> dict:
         """Return the answer to a request; raises OSError or HTTPException if there is none, or a 503."""
@@ -95,6 +117,7 @@ class Installation:
             process.send_signal(signal.SIGTERM)
         for process in self._running:
             process.wait(timeout=120)
+        self._close_cluster()
         self._log.close()
 
     def clean_up(self) -> None:
@@ -102,6 +125,12 @@ class Installation:
             kill(pid)
         for process in self._running:
             process.wait()
+        self._close_cluster()
+
+    def _close_cluster(self) -> None:
+        if self.cluster is not None and self.network is not None:
+            self.cluster.close()
+            self.network.close()
 
     def _start(self, launch: "_Launch") -> "subprocess.Popen[bytes]":
         return subprocess.Popen(
@@ -144,10 +173,18 @@ def _kind(processes: Mapping[int, _Process], pid: int) -> str:
     process = processes[pid]
     if b"serve" in process.arguments:
         return "api"
+    if b"distributed.cli.dask_scheduler" in process.arguments:
+        return "scheduler"
+    if b"distributed.cli.dask_worker" in process.arguments:
+        return "nanny"
+    if b"--multiprocessing-fork" in process.arguments and _kind(processes, process.parent) == "nanny":
+        return "Dask worker"
+    if b"children" in process.arguments:
+        return "children's"
     # The other worker is still called by its own name until it has become one.
     if b"run" in process.arguments or b"worker" in process.arguments:
         return "worker"
     if _kind(processes, process.parent) != "helper":
         return "helper"
     of = _kind(processes, processes[process.parent].parent)
-    return "child" if of == "worker" else "judge"
+    return "child" if of in ("worker", "children's") else "judge"

@@ -23,13 +23,16 @@ from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.solutions import SolutionRow
 from service.storage.tables.sweeps import SweepRow
 from tests.crash.client import Client
-from tests.crash.installation import SETTINGS, Installation, kill
+from tests.crash.installation import SETTINGS, STALL_SECONDS, Installation, kill
 from tests.support.databases import url_of
 from tests.support.postgres import postgres_server
 from tests.workers.processes import wait_until
 
-PREY = {"api": 2, "worker": 2, "helper": 1, "judge": 1, "child": 8}
-"""How often each kind of process is killed, relative to the others."""
+PREY = {
+    **{"api": 2, "worker": 2, "helper": 1, "judge": 1, "child": 8},
+    **{"scheduler": 1, "nanny": 1, "Dask worker": 2, "children's": 1, "network": 1},
+}
+"""How often each kind of process is killed, relative to the others; a network stalls for a while."""
 RECOVERY_SECONDS = 180.0
 """Until an installation has started, and beside the storm's own length until all is done."""
 LONGEST = 5.0
@@ -44,6 +47,8 @@ class Figures:
 
     seconds: float = 0.0
     kills: Counter[str] = field(default_factory=Counter)
+    stalls: int = 0
+    """How often the network to the cluster stalled."""
     deaths: dict[int, float] = field(default_factory=dict)
     """When which process was killed."""
     acknowledged: list[str] = field(default_factory=list)
@@ -68,7 +73,8 @@ class Figures:
     def line(self) -> str:
         kills = ", ".join(f"{count} {kind}" for kind, count in sorted(self.kills.items()))
         return (
-            f"{self.seconds:.0f} s, killed: {kills}; {len(self.acknowledged)} jobs, {self.points} points, "
+            f"{self.seconds:.0f} s, killed: {kills}; the network stalled {self.stalls} times; "
+            f"{len(self.acknowledged)} jobs, {self.points} points, "
             f"{self.repeated} requests sent again, {self.lost_attempts} attempts lost; "
             f"{self._said('problems', JobKind.SOLVE)}; {self._said('chunks', JobKind.CHUNK)}; "
             f"jobs unfinished {self.unfinished}, lost {self.lost}, doubled {self.doubled}; "
@@ -119,14 +125,14 @@ class Plan:
         )
 
 
-def on_sqlite(plan: Plan) -> Figures:
+def on_sqlite(plan: Plan, *, has_cluster: bool = False) -> Figures:
     with tempfile.TemporaryDirectory() as folder:
         url = url_of(Path(folder) / "storm.db")
         migrate(url)
-        return storm(url, Path(folder), plan)
+        return storm(url, Path(folder), plan, has_cluster=has_cluster)
 
 
-def on_postgres(plan: Plan, *, engine: str = "local") -> Figures:
+def on_postgres(plan: Plan, *, engine: str = "local", has_cluster: bool = False) -> Figures:
     """In the middle the server crashes as well. With the engine ``postgres`` there are two hosts."""
 
     def crash() -> None:
@@ -137,11 +143,19 @@ def on_postgres(plan: Plan, *, engine: str = "local") -> Figures:
     with tempfile.TemporaryDirectory() as folder, postgres_server() as server:
         url = server.url(server.create_database())
         migrate(url)
-        return storm(url, Path(folder), plan, engine=engine, disaster=crash)
+        return storm(url, Path(folder), plan, engine=engine, disaster=crash, has_cluster=has_cluster)
 
 
 def on_two_hosts(plan: Plan) -> Figures:
     return on_postgres(plan, engine="postgres")
+
+
+def on_cluster(plan: Plan) -> Figures:
+    return on_sqlite(plan, has_cluster=True)
+
+
+def on_cluster_and_postgres(plan: Plan) -> Figures:
+    return on_postgres(plan, has_cluster=True)
 
 
 def storm(
@@ -151,10 +165,11 @@ def storm(
     *,
     engine: str = "local",
     disaster: Callable[[], None] | None = None,
+    has_cluster: bool = False,
 ) -> Figures:
     """Let it storm as planned, with a ``disaster`` in the middle; then wait until everything is done."""
     figures, chance = Figures(), random.Random(plan.seed)
-    installation = Installation(url, folder, engine)
+    installation = Installation(url, folder, engine, has_cluster=has_cluster)
     database = Database(url)
     began = time.monotonic()
     try:
@@ -204,7 +219,10 @@ def _rage(
 ) -> None:
     began = time.monotonic()
     # However few are killed, and however slow the machine: one of each of these.
-    due = chance.sample(["api", "worker", "child"], 3)
+    due = ["api", "worker", "child"]
+    if installation.network is not None:
+        due += ["scheduler", "nanny", "Dask worker", "network"]
+    chance.shuffle(due)
     longest = plan.seconds * LONGEST + RECOVERY_SECONDS
     while (passed := time.monotonic() - began) < longest:
         if plan.is_done(passed, figures, client) and not due:
@@ -214,12 +232,18 @@ def _rage(
             disaster = None
         time.sleep(chance.expovariate(1 / plan.pause_seconds))
         processes = installation.processes()
-        kinds = sorted({kind for _, kind in processes})
+        kinds = sorted({kind for _, kind in processes} | ({"network"} if installation.network else set()))
         # Only what is at work can lose something; a start that is killed has not begun.
         if "child" in kinds:
             first = next((kind for kind in due if kind in kinds), None)
             kind = first or chance.choices(kinds, [PREY[kind] for kind in kinds])[0]
-            if kill(prey := chance.choice([pid for pid, of in processes if of == kind])):
+            if kind == "network" and installation.network is not None:
+                installation.network.stall()
+                time.sleep(STALL_SECONDS)
+                installation.network.resume()
+                figures.stalls += 1
+                due = [other for other in due if other != kind]
+            elif kill(prey := chance.choice([pid for pid, of in processes if of == kind])):
                 figures.deaths[prey] = time.time()
                 figures.kills[kind] += 1
                 due = [other for other in due if other != kind]

@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 import pytest
 import typer
+import yaml
 
 from service.cli.commands import app
 
@@ -34,6 +35,11 @@ def blocks(language: str) -> list[tuple[str, str]]:
 def test_a_document_is_json(page: str, code: str):
     if LEFT_OUT not in code:
         json.loads(code)
+
+
+@pytest.mark.parametrize(("page", "code"), blocks("yaml"))
+def test_a_recipe_is_yaml(page: str, code: str):
+    assert all(isinstance(each, dict) for each in yaml.safe_load_all(code))
 
 
 def commands() -> list[tuple[str, str]]:

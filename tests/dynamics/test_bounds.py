@@ -35,8 +35,8 @@ HARMLESS: dict[str, str] = {
 """Comparisons that NaN passes, with the reason why that does no harm."""
 _RETURNED = "what is not below infinity has been returned as NaN before"
 HARMLESS_MAXIMA: dict[str, str] = {
-    "general/held.py: max(defect, size)": _RETURNED,
-    "general/held.py: max(drift, far)": "of states that are explained, which those with NaN are not",
+    "residual/residual.py: max(defect, size)": _RETURNED,
+    "residual/residual.py: max(drift, far)": "of states that are explained, which those with NaN are not",
     "general/run_pair.py: max(defect, by_defect)": "of runs that hold, which those with NaN do not",
     "general/run_pair.py: max(drift, by_drift)": "the same",
     "shown/stretches.py: max(defect, size)": _RETURNED,

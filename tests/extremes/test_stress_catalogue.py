@@ -16,6 +16,7 @@ from service.jobs.records import Solved
 from service.storage.codecs.packing import decode_arrays
 from tests.extremes.elliptic import elliptic
 from tests.extremes.problems import METHODS, SEPARATRIX, Answer, require_claims, solve, three_terms
+from tests.support.effort import each_once
 from workers.computation.compute import solve_checked
 
 ONE_PERIOD = {"periods": 1, "samples": 9}
@@ -31,10 +32,9 @@ def require_period(answer, trip: str, trips: int = 2) -> None:
         assert abs(trips * printed - arb(answer.period)).lower() <= answer.period_error
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(
-    ("e", "above", "below"),
-    [
+@each_once(
+    method=METHODS,
+    e__above__below=[
         ("1e-4", "11.638532474857046576440278424317", "11.638885132792138979913441573607"),
         ("1e-8", "20.349310886348759051770962717948", "20.349310953129807035130065835465"),
         ("1e-12", "29.059913042594031986693570834465", "29.059913042603861616946205069781"),
@@ -64,10 +64,9 @@ def test_s1_on_the_separatrix_there_is_no_period_but_an_asymptote():
     assert abs(answer.states[-1, 3] - (np.sqrt(5) - 1) / 2) <= answer.error
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(
-    ("e", "positive", "negative"),
-    [
+@each_once(
+    method=METHODS,
+    e__positive__negative=[
         ("1e-4", "11.871480718662403458321120528318", "11.871233934728635386542107047566"),
         ("1e-8", "21.08169771438716410201869202005", "21.081697666682919875681085871596"),
         ("1e-12", "30.292038062514761072759494624699", "30.292038062507688063243866818557"),
@@ -128,9 +127,9 @@ def test_s3_a_stable_equilibrium_and_small_librations_about_it(method):
     assert three_terms(-1, b1, c1 * (1 + Fraction("1e-6")), 1, SHORT, method=method).code == "no_motion"
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(
-    ("e", "trip"), [("1e-4", "8.311505408414688543587259"), ("1e-8", "13.86549833483549517550928")]
+@each_once(
+    method=METHODS,
+    e__trip=[("1e-4", "8.311505408414688543587259"), ("1e-8", "13.86549833483549517550928")],
 )
 def test_s4_between_a_collision_and_an_oscillation(method, e, trip):
     b1 = -(1 - Fraction(e)) / 16
@@ -162,10 +161,9 @@ def test_s5_a_collision_is_told_with_its_time(b1, arrival):
     assert three_terms(-1, b1, "-1/2", 1, {"times": [2]}).code == "motion_ended"
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(
-    ("nu", "trip", "tolerance"),
-    [
+@each_once(
+    method=METHODS,
+    nu__trip__tolerance=[
         ("1e-6", "3.7081489309960855602505391838343", "1e-10"),
         ("1e-12", "3.7081493546023202303253035889675", "1e-10"),
         # r grows like √nu and its error with it: in doubles 1e-10 is met up to nu = 1e10.
@@ -180,8 +178,7 @@ def test_s6_narrow_and_wide_curves(method, nu, trip, tolerance):
     require_claims(answer, elliptic("PE", nu=Fraction(nu), a1=-NU_1, b1=zero, c1=zero))
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("b1", ["1e-3", "1e-6", "1e-9", "1e-12"])
+@each_once(method=METHODS, b1=["1e-3", "1e-6", "1e-9", "1e-12"])
 def test_s10_a_reflection_next_to_the_pole_is_not_a_passage(method, b1):
     # Turning within 1e-12 of g3 = 0 takes 1e-6 of the time that doubles resolve to 1e-16.
     answer = three_terms(-1, b1, 0, 1, {"periods": "3/2", "samples": 17}, method=method, tolerance="1e-8")

@@ -107,11 +107,9 @@ def motions() -> dict[str, Passing]:
     def V_root(x: arb, z: arb, u: arb) -> arb:
         return -x + (2 * x * x + z * z) * u.sqrt() / 20
 
-    def V_log(x: arb, z: arb, u: arb) -> arb:
-        return -x + (2 * x * x + z * z) * u.log() / 20
-
-    def V_log_below(x: arb, z: arb, u: arb) -> arb:
-        return -(x ** (2 * third)) + (3 * x * x / 2 + z * z) * u.log() / 20
+    def V_log(A: str) -> Callable[[arb, arb, arb], arb]:
+        alpha = number(A)
+        return lambda x, z, u: -(x ** (2 - 2 / alpha)) + (alpha * x * x + z * z) * u.log() / 20
 
     def formula(text: str) -> dict[str, object]:
         return {"type": "expression", "expression": text}
@@ -122,9 +120,12 @@ def motions() -> dict[str, Passing]:
         "c1 and c2": Passing("2", {"type": "rational", "a": a2, "c": c}, V_c, number("61/200")),
         "B_1": Passing("3/2", {"type": "homogeneous", "B": [-1, "1/10"]}, V_B, number("7/10")),
         "root": Passing("2", formula("-g1 + (2*g1^2 + g3^2)*sqrt(1 - g2)/20"), V_root, number("1/2")),
-        "log": Passing("2", formula("-g1 + (2*g1^2 + g3^2)*log(1 - g2)/20"), V_log, number("1/2")),
+        "log": Passing("2", formula("-g1 + (2*g1^2 + g3^2)*log(1 - g2)/20"), V_log("2"), number("1/2")),
         "log, 3/2": Passing(
-            "3/2", formula("-abs(g1)^(2/3) + (3/2*g1^2 + g3^2)*log(1 - g2)/20"), V_log_below, number("2/3")
+            "3/2", formula("-abs(g1)^(2/3) + (3/2*g1^2 + g3^2)*log(1 - g2)/20"), V_log("3/2"), number("2/3")
+        ),
+        "log, 7/5": Passing(
+            "7/5", formula("-abs(g1)^(4/7) + (7/5*g1^2 + g3^2)*log(1 - g2)/20"), V_log("7/5"), number("5/7")
         ),
         "7/5": power("7/5"),
         "101/100": power("101/100"),
@@ -156,7 +157,7 @@ def test_known_periods(name, digits):
         assert abs(period(name) - arb(digits)) < arb(10) ** (2 - len(digits))
 
 
-@pytest.mark.parametrize("name", one_in(3, (name for name in MOTIONS if not name.startswith("log"))))
+@pytest.mark.parametrize("name", one_in(5, (name for name in MOTIONS if not name.startswith("log"))))
 def test_certified_periods_are_those_of_a_quadrature_by_hand(name):
     document = MOTIONS[name].document(time={"times": ["1/2"]}, accuracy={"tier": "certified", "bits": 64})
     told = solve_document(json.dumps(document)).summary["period"]
@@ -166,26 +167,21 @@ def test_certified_periods_are_those_of_a_quadrature_by_hand(name):
         assert radius < arb("1e-17") * period(name)
 
 
-LOOSE = 1e-7
-"""The tolerance of x log x at A/C = 3/2, where r is like |t|^(1/2), which nothing encloses: rounding t by
-2e-16 moves it by 1.5e-8, and four times what is seen is claimed."""
-
-
 @pytest.mark.parametrize(
     ("name", "tier"),
     [
-        *one_in(2, ((name, "standard") for name in MOTIONS if name != "log, 3/2")),
+        *one_in(4, ((name, "standard") for name in MOTIONS)),
         ("a2", "draft"),
         ("a2", "high"),
         ("7/5", "high"),
-        ("log, 3/2", None),
+        ("log, 7/5", "high"),
     ],
 )
 def test_every_tier_keeps_its_promise(name, tier):
     motion = MOTIONS[name]
-    accuracy = {"tier": tier} if tier else {"tolerance": LOOSE}
-    found = solve(read_problem(motion.document(time={"times": ["0", "1/2", 100]}, accuracy=accuracy)))
-    assert found.error <= (TIERS[tier] if tier else LOOSE)
+    asked = motion.document(time={"times": ["0", "1/2", 100]}, accuracy={"tier": tier})
+    found = solve(read_problem(asked))
+    assert found.error <= TIERS[tier]
     with ctx.workprec(BITS):
         told = found.dense.period
         assert abs(arb(told.hi) + arb(told.lo) - period(name)) <= told.error + KNOWN * period(name)
@@ -194,6 +190,27 @@ def test_every_tier_keeps_its_promise(name, tier):
         back = motion.time((arb(g3) / motion.equator).asin(), 1 if g2 > 0 else -1)
         rate = abs(float(np.prod(found.samples[1, [0, 4]])))
         assert float(abs(back - arb(1) / 2)) * rate <= found.error
+
+
+@pytest.mark.parametrize(("v", "most"), [("1e-4", 1e-10), ("1e-13", 1e-6)])
+def test_times_next_to_a_pole_that_nothing_encloses_have_claims_of_their_own(v, most):
+    """r is like |t|^(1/2) there: what doubles lose of t moves it by 1e-16 over √t, or by 1e-8 at the pole.
+
+    The first claim is what standard promises, the other the 1e-8 with its factors.
+    """
+    motion = MOTIONS["log, 3/2"]
+    with ctx.workprec(BITS):
+        at = arb(v)
+        # The pole g2 = -1 comes first, and is passed as it is reached.
+        t = (2 * motion.time(arb(0), -1) + motion.time(at)).str(40, radius=False)
+        z = motion.equator * at.sin()
+        x, rate = z**motion.alpha, motion.rate(at, 1)
+        # p g2 is the rate of g3 = Z sin v, and r/p is −A g1/(C g3).
+        p = motion.equator * at.cos() / (rate * (1 - z * z - x * x).sqrt())
+        known = [float(abs(each)) for each in (p, motion.alpha * x / z * p, x, z)]
+    asked = motion.document(time={"times": [t]}, accuracy={"tolerance": 1e-2})
+    found = solve(read_problem(asked))
+    assert np.abs(np.abs(found.samples[0, [0, 2, 3, 5]]) - known).max() <= found.error < most
 
 
 def solved(potential: dict[str, object], tier: str, A: str = "2", **wanted: object) -> dict[str, object]:
@@ -254,7 +271,7 @@ GENERAL = {
 }
 
 
-@pytest.mark.parametrize("name", one_in(2, GENERAL))
+@pytest.mark.parametrize("name", one_in(3, GENERAL))
 def test_fractional_powers_of_w_have_the_motions_of_their_formula(name):
     (A, C), F, G, text = GENERAL[name]
     body, motion, times = {"A": A, "C": C}, {"type": "planar", "lambda": 1}, ["0", "1/2", "7", "-31"]
@@ -263,8 +280,8 @@ def test_fractional_powers_of_w_have_the_motions_of_their_formula(name):
         document = {"body": body, "potential": potential, "motion": motion, "time": {"times": times}}
         return solve(read_problem({**document, "accuracy": accuracy}))
 
-    # r is a power of time next to a pole, by the exponent 2/5: doubles tell 1e-16 to the power of 2/5 of it.
-    general = found({"type": "general", "F": F, "G": G}, {"tolerance": 1e-4})
+    # r is a power of time next to a pole, by the exponent 2/5: no double tells it there, but at these times.
+    general = found({"type": "general", "F": F, "G": G}, {"tier": "standard"})
     # A phase in which the pole is smooth takes a few panels, not some hundred.
     assert general.evidence["panels"] < 60
     proven = found({"type": "expression", "expression": text}, {"tier": "high"})

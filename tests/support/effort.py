@@ -43,7 +43,7 @@ def one_in(count: int, cases: Iterable[object]) -> list:
 def each_once(**tables: Sequence[object]) -> pytest.MarkDecorator:
     """Parametrize by all combinations; ``make test`` takes a diagonal, in which each value occurs.
 
-    A name ``one__two`` stands for two parameters, whose values are pairs.
+    A name ``one__two`` stands for two parameters, whose values are pairs; so does one of more parts.
     """
     lengths = [len(values) for values in tables.values()]
     diagonal = {tuple(k % length for length in lengths) for k in range(max(lengths))}

@@ -271,5 +271,5 @@ MAKERS = (_narrow,) * 12 + (
     _without_value,
 )
 """The makers of problems, one of which is drawn."""
-ONLY = {"infinite": _infinite}
+ONLY = {"infinite": _infinite, "cancellation": written_with_cancellation}
 """Classes of problems that are asked alone."""

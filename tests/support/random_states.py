@@ -59,7 +59,7 @@ class StateCase:
 
 def draw_state(kind: Kind, draws: np.random.Generator) -> StateCase:
     """Draw a motion and times, and find where it is."""
-    moments = _moments(draws)
+    moments = random_moments(draws)
     gap = 10.0 ** draws.uniform(NARROWEST, WIDEST)
     if kind == "free body":
         terms, omega, gamma, rate = _free(moments, gap, draws)
@@ -75,7 +75,7 @@ def draw_state(kind: Kind, draws: np.random.Generator) -> StateCase:
     A, B, C = map(str, moments)
     document = {
         "body": {"A": A, "B": B, "C": C, "allow_unphysical": True},
-        "potential": {"type": "expression", "expression": _written(terms)},
+        "potential": {"type": "expression", "expression": written(terms)},
         "motion": {"type": "state", "omega": [*map(str, omega)], "gamma": [*map(str, gamma)]},
     }
     return StateCase(kind, document, times, reference)
@@ -109,7 +109,7 @@ def _apart(values: np.ndarray, case: StateCase) -> float:
     )
 
 
-def _moments(draws: np.random.Generator) -> Moments:
+def random_moments(draws: np.random.Generator) -> Moments:
     while True:
         three = [MOMENTS[n] for n in draws.choice(len(MOMENTS), 3, replace=False)]
         if 2 * max(three) <= sum(three):
@@ -122,7 +122,7 @@ def _small(size: float, draws: np.random.Generator) -> Fraction:
     return Fraction(f"{number:.10e}")
 
 
-def _near(direction: Direction, gap: float, draws: np.random.Generator) -> tuple[Fraction, ...]:
+def point_near(direction: Direction, gap: float, draws: np.random.Generator) -> tuple[Fraction, ...]:
     """Return a point of the sphere next to a direction: one next to the third axis, reflected."""
     x, y = _small(gap, draws), _small(gap, draws)
     whole = 1 + x * x + y * y
@@ -137,7 +137,7 @@ def _near(direction: Direction, gap: float, draws: np.random.Generator) -> tuple
     return tuple(x - across * m for x, m in zip(point, mirror, strict=True))
 
 
-def _direction(draws: np.random.Generator) -> Direction:
+def random_direction(draws: np.random.Generator) -> Direction:
     signs = draws.choice([-1, 1], 3)
     three = [int(n) for n in signs * draws.permutation(DIRECTIONS[draws.integers(len(DIRECTIONS))])]
     return three[0], three[1], three[2]
@@ -150,24 +150,25 @@ def _free(moments: Moments, gap: float, draws: np.random.Generator) -> Start:
     omega[middle] = turn
     small, between, large = (float(moments[axis]) for axis in (low, middle, high))
     rate = abs(float(turn)) * sqrt((large - between) * (between - small) / (small * large))
-    return [], omega, _near(_direction(draws), 1.0, draws), rate
+    return [], omega, point_near(random_direction(draws), 1.0, draws), rate
 
 
 def _in_field(kind: Kind, moments: Moments, gap: float, draws: np.random.Generator) -> Start:
     if kind == "heavy top":
         # V = a·γ is largest, and the upright top unstable, at γ = a/|a|; if that is an axis the top may spin.
-        direction = _direction(draws)
+        direction = random_direction(draws)
         size = round(sqrt(sum(n * n for n in direction)))
         strength = Fraction(f"{draws.uniform(0.3, 3.0):.3f}")
-        terms = [(strength * n / size, *_unit(axis)) for axis, n in enumerate(direction) if n]
+        terms = [(strength * n / size, *unit_vector(axis)) for axis, n in enumerate(direction) if n]
         is_axis = sum(map(abs, direction)) == 1
         turn = float(draws.uniform(0.0, 0.8)) if is_axis and draws.random() < 0.5 else 0.0
     else:
         axis = int(draws.integers(3))
-        direction = tuple(int(n) * int(draws.choice([-1, 1])) for n in _unit(axis))
-        terms = [(Fraction(f"{draws.uniform(-2, 2):.3f}"), *_unit(axis))]
+        direction = tuple(int(n) * int(draws.choice([-1, 1])) for n in unit_vector(axis))
+        terms = [(Fraction(f"{draws.uniform(-2, 2):.3f}"), *unit_vector(axis))]
         terms += [
-            (Fraction(f"{draws.uniform(-2, 2):.3f}"), *(2 * n for n in _unit(other))) for other in range(3)
+            (Fraction(f"{draws.uniform(-2, 2):.3f}"), *(2 * n for n in unit_vector(other)))
+            for other in range(3)
         ]
         terms += [(Fraction(f"{draws.uniform(-1, 1):.3f}"), 1, 1, 1)] if draws.random() < 0.5 else []
         turn = float(draws.uniform(-1.0, 1.0)) if draws.random() < 0.5 else 0.0
@@ -175,12 +176,12 @@ def _in_field(kind: Kind, moments: Moments, gap: float, draws: np.random.Generat
     for place, n in enumerate(direction):
         omega[place] += Fraction(f"{turn:.3f}") * (n if abs(n) == 1 else 0)
     rate = max(0.3, sqrt(max(abs(float(c)) for c, *_ in terms) / float(sorted(moments)[1])))
-    return terms, omega, _near(direction, gap, draws), rate
+    return terms, omega, point_near(direction, gap, draws), rate
 
 
-def _unit(axis: int) -> Direction:
+def unit_vector(axis: int) -> Direction:
     return int(axis == 0), int(axis == 1), int(axis == 2)
 
 
-def _written(terms: list[Term]) -> str:
+def written(terms: list[Term]) -> str:
     return " + ".join(f"({c})*g1^{i}*g2^{j}*g3^{k}" for c, i, j, k in terms) or "0"

@@ -66,12 +66,14 @@ class Recorder:
 
 
 def anonymous(text: str) -> str:
-    """Replace the names of hosts and workers."""
-    return re.sub(
-        r"[\w.-]+/[0-9a-f]{8}(:\d+:[0-9a-f]{8})?\b",
-        lambda name: f"laptop/1b2e6a1f{':1:9c3d5e70' if name[1] else ''}",
-        text,
-    )
+    """Replace the names of hosts and workers, also where they are quoted as in a URL."""
+    for slash, colon in (("/", ":"), ("%2F", "%3A")):
+        text = re.sub(
+            rf"[\w.-]+{slash}[0-9a-f]{{8}}({colon}\d+{colon}[0-9a-f]{{8}})?\b(?!-)",
+            lambda name, s=slash, c=colon: f"laptop{s}1b2e6a1f{f'{c}1{c}9c3d5e70' if name[1] else ''}",
+            text,
+        )
+    return text
 
 
 def cut(value: object) -> object:
@@ -150,6 +152,7 @@ def ask(recorder: Recorder) -> None:
     record("get_grid", "a row", "GET", f"{path}/grid?of=period")
     record("list_sweeps", "a page", "GET", "/v1/sweeps?limit=1")
     record("list_sweep_jobs", "a page", "GET", f"{path}/jobs?limit=1")
+    record("get_sweep_provenance", "of a sweep", "GET", f"{path}/provenance")
     lists = {
         "list_jobs": "/v1/jobs?limit=1",
         "list_atlases": "/v1/atlases?limit=1",

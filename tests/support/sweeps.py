@@ -48,7 +48,11 @@ def energy_of(indices: NDArray[np.int64]) -> FloatArray:
 
 
 def finish_chunk(
-    jobs: SqlJobStore, claim: Claim, *, series: Mapping[str, Callable[[NDArray[np.int64]], FloatArray]] = {}
+    jobs: SqlJobStore,
+    claim: Claim,
+    *,
+    series: Mapping[str, Callable[[NDArray[np.int64]], FloatArray]] = {},
+    source: Mapping[str, object] | None = None,
 ) -> None:
     """Do a worker's work for a chunk."""
     first, count = claim.problem["first"], claim.problem["count"]
@@ -58,7 +62,7 @@ def finish_chunk(
     outcomes = ["no_motion" if refused else SOLVED for refused in is_refused(indices)]
     numbers = {"period": period_of(indices), "energy": energy_of(indices)}
     points = ChunkPoints(outcomes, numbers, {name: of(indices) for name, of in series.items()})
-    assert jobs.finish(claim, chunk_outcome(points, seconds=0.05 * count))[0]
+    assert jobs.finish(claim, chunk_outcome(points, 0.05 * count, source))[0]
 
 
 def finish_sweep(jobs: SqlJobStore, chunks: int | None = None, **series: object) -> None:

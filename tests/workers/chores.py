@@ -18,6 +18,12 @@ SUMMARY: dict[str, object] = {
     "energy": {"value": 1.0, "error": 0},
 }
 
+SOURCE = {
+    **{"host": "here", "version": "1", "numerics": 1, "processor": "p", "libraries": "l", "threads": 1},
+    "way": "compiled",
+}
+"""The provenance of every chunk."""
+
 
 def do_chore(document: str) -> SolveOutcome:
     """Write the child's id into the job's log, then do the job's chore."""
@@ -55,7 +61,8 @@ def do_chunk(document: str) -> ChunkOutcome:
     elif bad and bad[0] > first:
         count = bad[0] - first
     indices = np.arange(first, first + count, dtype=np.float64)
-    return chunk_outcome(ChunkPoints([SOLVED] * count, {"period": indices}), sweep["seconds"] * count)
+    points = ChunkPoints([SOLVED] * count, {"period": indices})
+    return chunk_outcome(points, sweep["seconds"] * count, SOURCE)
 
 
 CHORES = {JobKind.SOLVE: do_chore, JobKind.CHUNK: do_chunk}

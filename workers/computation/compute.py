@@ -50,7 +50,8 @@ from workers.computation.outputs import InUnits, compute_outputs, errors_of, in_
 from workers.computation.summary import summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
-from workers.solvers.choose import choose_enclosures, enclose, find_motion
+from workers.solvers.certified.validated.motion import prove_motion
+from workers.solvers.choose import choose_enclosures, enclose, find_motion, proven_start
 from workers.solvers.cross_check import compare
 from workers.solvers.errors import AccuracyNotMetError, is_known, require_error_within, require_period_known
 from workers.solvers.evidence import with_samples_raised
@@ -167,10 +168,11 @@ def _solve_in(
 ) -> tuple[SolutionSummary, DenseOutput, dict[str, FloatArray]]:
     """Return the summary of the solution, its function of time and its columns, solved in ``units``."""
     posed, certified, enclosures = units.pose(problem), None, dict[str, FloatArray]()
-    solved = solve(posed)
     if problem.accuracy.tier == "certified":
-        solved, proven, enclosures = certified_samples(posed, solved)
+        solved, proven, enclosures = certified_samples(posed)
         certified, enclosures = units.certified(proven), units.enclosures(enclosures)
+    else:
+        solved = solve(posed)
     motion = _require_finite(units.motion(solved), problem.tolerance)
     outputs = compute_outputs(problem, motion, InUnits(units, posed, solved))
     # The orientation is more columns on the same pieces.
@@ -309,8 +311,8 @@ def beside_enclosures(problem: Problem) -> Accuracy:
     return Accuracy(CROSS_CHECK_TOLERANCE if problem.method == "both" else float("inf"), "certified")
 
 
-def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certified, dict[str, FloatArray]]:
-    """Return ``motion`` with proven samples, the enclosures, and the columns that hold them.
+def certified_samples(problem: Problem) -> tuple[Motion, Certified, dict[str, FloatArray]]:
+    """Return the motion with proven samples, the enclosures, and the columns that hold them.
 
     The columns hold the times too: the values belong to the exact times, of which the motion has doubles.
 
@@ -319,10 +321,24 @@ def certified_samples(problem: Problem, motion: Motion) -> tuple[Motion, Certifi
     CertifiedUnavailableError
         There is no enclosure of this kind of motion.
     """
-    if not isinstance(problem.motion, PlanarMotion):
-        raise DynamicsError("the certified tier is for planar motions", pointer="/accuracy/tier")
-    enclosed = _certify(problem, motion)
-    motion = _with_period_known(motion, enclosed, TIER_TOLERANCES["standard"])
+    if not isinstance(problem.motion, PlanarMotion) or problem.method == "integration":
+        motion, enclosed = prove_motion(problem, *proven_start(problem))
+    else:
+        motion = solve(problem)
+        if motion.aperiodic is None:
+            enclosed = _certify(problem, motion)
+            motion = _with_period_known(motion, enclosed, TIER_TOLERANCES["standard"])
+        else:
+            # What the reduction tells of it stays.
+            stepped, enclosed = prove_motion(problem, *proven_start(problem))
+            motion = replace(
+                stepped,
+                window=motion.window,
+                aperiodic=motion.aperiodic,
+                past=motion.past,
+                future=motion.future,
+                cross_check=motion.cross_check,
+            )
     parts = parts_for(problem.accuracy.bits)
     rows = [[split(ball, parts) for ball in state] for state in enclosed.states]
     first = np.array([[doubles[0] for doubles, _ in row] for row in rows])
@@ -368,6 +384,7 @@ def _with_period_known(motion: Motion, enclosed: Certified, tolerance: float) ->
         return motion
     # The function of time is one of wrong times: no two values of a variable differ by more than this.
     wrong = 2.0 * float(np.abs(motion.dense.coefficients).sum(axis=1).max(initial=0.0))
+    assert enclosed.period is not None
     dense = replace(motion.dense, period=_rounded(enclosed.period), error=motion.dense.error + wrong)
     require_period_known(dense.period, tolerance)
     # Parts of the period that were asked for are later, or sooner.
@@ -394,7 +411,7 @@ def _rounded(period: arb) -> Period:
     """Return a ball as the sum of two doubles and a bound."""
     hi = float(period)
     lo = float(period - arb(hi))
-    return Period(hi, lo, float(abs(period - arb(hi) - arb(lo)).abs_upper()))
+    return Period(hi, lo, float(abs(period - arb(hi) - arb(lo)).abs_upper()), "theorem")
 
 
 def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples: FloatArray) -> Motion:
@@ -406,7 +423,9 @@ def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples
             for ball, double in zip(state, row, strict=True)
         ),
     )
-    proven = replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error)
+    proven = replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error, samples_kind="theorem")
+    if enclosed.method == "steps":
+        return proven
     return with_samples_raised(problem.body, problem.potential, proven)
 
 

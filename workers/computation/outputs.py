@@ -231,7 +231,7 @@ def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
         trace = transverse_stability(motion.lambda_squared, body.B / body.C).trace
         value = float(trace)
         error = float(abs(trace - value).abs_upper()) if isfinite(value) else value
-        return Estimate(value, error) if isfinite(error) else None
+        return Estimate(value, error, "theorem") if isfinite(error) else None
 
 
 def _further(problem: Problem, motion: Motion) -> tuple[FurtherDrift, ...]:

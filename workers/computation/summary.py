@@ -8,7 +8,8 @@ import numpy as np
 from flint import arb
 
 from service.dynamics.accuracy import GroupError
-from service.dynamics.bounds import printed_error
+from service.dynamics.bounds import ErrorKind, printed_error
+from service.dynamics.discovery.cases import known_cases
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.motion import Asymptote, CrossCheck, Estimate, Motion
 from service.dynamics.numerics import NUMERICS
@@ -52,11 +53,14 @@ def summarise(
     window, orientation = motion.window, outputs.orientation
     precession = None if orientation is None else orientation.precession
     invariants, beyond = _invariants(outputs)
+    known = known_cases(problem.body, problem.potential)
     return {
         "problem": document,
         "method": motion.method,
         "tier": problem.accuracy.tier,
-        "period": _period(motion) if certified is None else _enclosure(certified.period),
+        "period": _period(motion)
+        if certified is None or certified.period is None
+        else _enclosure(certified.period),
         "aperiodic": motion.aperiodic,
         "asymptotes": None
         if motion.past is None or motion.future is None
@@ -68,16 +72,46 @@ def summarise(
         "invariants": invariants,
         "error": motion.error,
         "errors": {name: _group(error) for name, error in errors.items()},
+        "error_kind": error_kinds(motion, outputs, certified),
         "cross_check": None if motion.cross_check is None else _cross_check(motion.cross_check),
         "stability": None
         if outputs.stability is None
         else _stability(outputs.stability, outputs.closed_trace),
         "precession": None if precession is None else _precession(precession),
         "conventions": motion.conventions,
+        "known_cases": [{"name": each.name, "source": each.source} for each in known],
         "warnings": [_notice(notice) for notice in (*outputs.notices, *beyond)],
         "evidence": _evidence(problem, motion),
         "provenance": provenance(),
     }
+
+
+def error_kinds(motion: Motion, outputs: Outputs, certified: Certified | None) -> dict[str, ErrorKind]:
+    """Return how each error of a solution is known, by the path of the number that it belongs to.
+
+    ``samples`` are those of the six variables that were asked for, ``function`` is the function of time that
+    any others come from.
+    """
+    kinds: dict[str, ErrorKind] = {"energy": motion.energy.kind if certified is None else "theorem"}
+    if motion.dense.period is not None:
+        is_proven = certified is not None and certified.period is not None
+        kinds["period"] = "theorem" if is_proven else motion.dense.period.kind
+    if len(motion.times):
+        # That with an attitude is cut into other pieces.
+        function = motion.function_kind if outputs.orientation is None else outputs.orientation.kind
+        kinds |= {"samples": motion.samples_kind, "function": function}
+    for name, limit in (("past", motion.past), ("future", motion.future)):
+        numbers = {} if limit is None else {"time": limit.time, "rate": limit.rate}
+        kinds |= {f"asymptotes.{name}.{key}": each.kind for key, each in numbers.items() if each is not None}
+    if outputs.orientation is not None:
+        kinds["orientation"] = outputs.orientation.kind
+        if (precession := outputs.orientation.precession) is not None:
+            kinds |= {"precession.psi1": precession.psi1.kind, "precession.psi3": precession.psi3.kind}
+    if outputs.stability is not None:
+        kinds["stability"] = outputs.stability.proof
+    if outputs.closed_trace is not None:
+        kinds["stability.closed_form_trace"] = outputs.closed_trace.kind
+    return kinds
 
 
 def _notice(notice: Notice) -> NoticeSummary:
@@ -129,7 +163,7 @@ def _period(motion: Motion) -> EstimateSummary | None:
     if period is None:
         return None
     error = float(np.nextafter(abs(period.lo) + period.error, np.inf))
-    return _estimate(Estimate(period.hi, error))
+    return _estimate(Estimate(period.hi, error, period.kind))
 
 
 def _estimate(number: Estimate) -> EstimateSummary:
@@ -179,6 +213,7 @@ def _stability(stability: Stability, closed_trace: Estimate | None) -> Stability
         "multipliers": [[multiplier.real, multiplier.imag] for multiplier in stability.multipliers],
         "multipliers_error": stability.multipliers_error,
         "verdict": stability.verdict,
+        "proof": stability.proof,
         "exponent": stability.exponent,
         "exponent_error": printed_error(stability.exponent, stability.exponent_error),
         "trusted_time": stability.trusted_time,

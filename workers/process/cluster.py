@@ -19,13 +19,13 @@ from collections.abc import AsyncIterator, Callable, Coroutine, Mapping, Sequenc
 from concurrent.futures import CancelledError
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any  # Any: what workers say, and what Dask returns
 
 from distributed import Client, Future
 
-from service.jobs.cluster import ClusterState, LeftOut
-from service.jobs.kernels import Kernels
+from service.jobs.kernels import ClusterState, Kernels, LeftOut
 from service.jobs.records import JobKind
 from service.sandbox import SandboxCrashError
 from workers.process.dask_worker import TOPIC, ChildrenPlugin, compute, equipment, stop_batch
@@ -280,9 +280,9 @@ class DaskPool:
         try:
             await client
             self._client = client
-            client.subscribe_topic(TOPIC, self._hear)
+            client.subscribe_topic(TOPIC, partial(self._hear, client))
             client.subscribe_topic("all", self._hear_scheduler)
-            await self._register(client)
+            self._begin(self._register(client))  # it waits for all workers, and one may be stopped
             yield client
         finally:
             self._client = None
@@ -296,22 +296,33 @@ class DaskPool:
             await client.register_plugin(self._plugin)
         except Exception as fault:
             # A worker without this package cannot load it; the others have it all the same.
-            logger.warning("some worker of the cluster has no children: %r", fault)
+            if client is self._client:
+                logger.warning("some worker of the cluster has no children: %r", fault)
 
     async def _look_after(self, client: Client) -> None:
-        """Give up silent workers, until the connection is lost."""
+        """Give up silent workers, until the connection is lost.
+
+        Raises
+        ------
+        TimeoutError
+            The scheduler is silent itself: then none of its workers is to blame.
+        """
         connection, survey_at = client.scheduler_comm, 0.0
         # Dask connects again by itself, perhaps to a new scheduler, which knows nothing of all this.
         while not self._is_closed and client.status == "running" and client.scheduler_comm is connection:
-            silent_since = time.monotonic() - self._silent_seconds
-            with self._lock:
-                silent = [each for each in self._workers.values() if each.heard_at < silent_since]
-            for worker in silent:
-                self._lose(worker, f"was silent for {self._silent_seconds:g} s")
-            if time.monotonic() >= survey_at:
+            silent = self._silent()
+            if silent or time.monotonic() >= survey_at:
                 survey_at = time.monotonic() + _SURVEY_SECONDS
-                await self._survey(client)
+                async with asyncio.timeout(_CONNECT_SECONDS if silent else self._silent_seconds):
+                    await self._survey(client)
+                for worker in self._silent() if silent else ():
+                    self._lose(worker, f"was silent for {self._silent_seconds:g} s")
             await asyncio.sleep(_LOOK_SECONDS)
+
+    def _silent(self) -> list[_Worker]:
+        since = time.monotonic() - self._silent_seconds
+        with self._lock:
+            return [each for each in self._workers.values() if each.heard_at < since]
 
     async def _survey(self, client: Client) -> None:
         """Learn of workers that say nothing, and of Dask's own page."""
@@ -325,10 +336,11 @@ class DaskPool:
             if host is not None and isinstance(port, int):
                 self._dashboard = f"http://{host[1]}:{port}/status"
 
-    def _hear(self, event: tuple[float, Mapping[str, Any]]) -> None:
-        """Note what a worker says of itself and of its batches."""
+    def _hear(self, client: Client, event: tuple[float, Mapping[str, Any]]) -> None:
+        """Note what a worker says of itself and of its batches, but nothing that comes late."""
         try:
-            self._note(event[1])
+            if client is self._client:
+                self._note(event[1])
         except (KeyError, TypeError, AttributeError, ValueError) as fault:
             logger.debug("a worker of the cluster says what is not understood: %r", fault)
 

@@ -10,9 +10,10 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import CancelledError
 from dataclasses import fields
-from typing import BinaryIO
+from types import UnionType
+from typing import BinaryIO, get_args
 
-from service.jobs.kernels import NeedsKernelsError
+from service.jobs.kernels import NeedsKernelsError, Way
 from service.jobs.records import (
     AtlasResult,
     ChunkOutcome,
@@ -40,6 +41,10 @@ _OUTCOMES: Mapping[JobKind, tuple[type, ...]] = {
     JobKind.SOLVE: (Solved, Refused),
     JobKind.CHUNK: (ChunkOutcome,),
     JobKind.ATLAS: (AtlasResult, Refused),
+}
+_SOURCE: Mapping[str, type | UnionType] = {
+    **dict.fromkeys(("host", "version", "processor", "libraries", "way"), str),
+    **{"numerics": int, "threads": int | None},
 }
 _FAULTS = {
     fault.__name__: fault
@@ -207,7 +212,20 @@ def _read(written: object, blobs: Sequence[bytes]) -> object:
     parts = {**written["fields"], **{name: blobs[place] for name, place in written["bytes"].items()}}
     if written["record"] == ChunkOutcome.__name__:
         parts["bounds"] = {name: (low, high) for name, (low, high) in parts["bounds"].items()}
+        _check_source(parts["source"])
     return _RECORDS[written["record"]](**parts)
+
+
+def _check_source(source: object) -> None:
+    """Raise unless it is what a worker of this version says of itself: it is stored, and shown."""
+    if source is None:
+        return
+    if not isinstance(source, dict) or source.keys() != _SOURCE.keys() or len(str(source["host"])) > 255:
+        raise ValueError("not the source of a chunk")
+    if not all(isinstance(source[name], kind) for name, kind in _SOURCE.items()) or len(str(source)) > 4000:
+        raise ValueError("the source of a chunk has other or longer values")
+    if source["way"] not in get_args(Way):
+        raise ValueError("the source of a chunk has no way")
 
 
 class RemoteBatch:

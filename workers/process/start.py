@@ -29,8 +29,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Protocol
 
-from service.jobs.cluster import ClusterState
-from service.jobs.kernels import KERNELS, Kernels
+from service.jobs.kernels import KERNELS, ClusterState, Kernels
 from service.local.wakeup import WorkerSocket
 from service.local.worker_process import worker_command
 from service.sandbox import (
@@ -385,6 +384,7 @@ def _start_children(tasks: WorkerTasks, settings: Settings, slots: int, waker: W
 def _start_cluster(tasks: WorkerTasks, settings: Settings, _slots: int, waker: Waker) -> _Started:
     from workers.process.cluster import DaskPool, log_as_others  # noqa: PLC0415  # most have no Dask
     from workers.process.messages import refuse_pickles  # noqa: PLC0415
+    from workers.process.remote import ALIVE_SECONDS  # noqa: PLC0415
 
     assert settings.dask_scheduler is not None
     log_as_others()
@@ -393,7 +393,7 @@ def _start_cluster(tasks: WorkerTasks, settings: Settings, _slots: int, waker: W
         settings.dask_scheduler,
         tasks.name,
         memory_mb=settings.job_memory_mb,
-        silent_seconds=settings.lease_seconds,
+        silent_seconds=max(settings.lease_seconds, 3 * ALIVE_SECONDS),
         wake=waker,
     )
     return pool, pool, pool.close

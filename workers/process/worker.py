@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from service.jobs.cluster import ClusterState
-from service.jobs.kernels import Kernels, Outlook
+from service.jobs.kernels import ClusterState, Kernels, Outlook
 from service.local.wakeup import WARM, WorkerSocket
 from service.local.worker_process import WorkerProcess, new_worker_name, this_host
 from service.logs import Complaints, about

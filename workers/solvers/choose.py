@@ -15,16 +15,17 @@ next one asks, in the same order.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache
+from functools import cache, partial
 from math import inf, isfinite
 from types import MappingProxyType
 from typing import Literal, TypeVar
 
-from flint import ctx
+from flint import arb, ctx
 
 from service.dynamics.accuracy import TIER_TOLERANCES
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.motion import EnclosureMethod, Motion
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import (
@@ -41,12 +42,13 @@ from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, fi
 from workers.solvers.assembly.families import Declined, Family, Place, periodic_place
 from workers.solvers.certified.certify import Certified, certify
 from workers.solvers.certified.family import WayFamily
-from workers.solvers.classical.solve import solve_classical
+from workers.solvers.certified.validated.enclose import Start
+from workers.solvers.classical.solve import place_motion, solve_classical
 from workers.solvers.closed_form.family import ClosedFormFamily
 from workers.solvers.compiled.family import CompiledFamily, CompiledTier, arc_in_doubles
 from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError, PrecisionLostError
 from workers.solvers.integration.solve import integrate_from
-from workers.solvers.orbits.orbit import starting_state
+from workers.solvers.orbits.orbit import six_variables, starting_state
 from workers.solvers.quadrature.family import QuadratureFamily
 from workers.solvers.ways import is_plain
 
@@ -66,6 +68,38 @@ def planar_start(body: RigidBody, potential: Potential, motion: PlanarMotion) ->
     with ctx.workprec(REDUCTION_BITS):
         window = choose_window(find_windows(body, potential, motion), motion)
         return tuple(float(value) for value in starting_state(starting_point(window, motion)))
+
+
+def proven_start(problem: Problem) -> tuple[RigidBody, Start]:
+    """Return the body with all its moments and the state at t = 0 in balls: rational, or what formulas give.
+
+    Raises
+    ------
+    DynamicsError
+        As those who place a planar motion, or a classical one.
+    """
+    motion, body = problem.motion, problem.body
+    if isinstance(motion, StateMotion):
+        given = (*motion.omega, *motion.gamma)
+        return body, lambda: [ball(value) for value in given]
+    if isinstance(motion, ClassicalMotion):
+        placed = place_motion(problem)
+        return placed.body, lambda: placed.start.balls
+    return body, partial(_planar_balls, problem, motion)
+
+
+def _planar_balls(problem: Problem, motion: PlanarMotion) -> tuple[arb, ...]:
+    # At the equator half of the bits are lost with the root of 1 − g1² − g3².
+    precision = 2 * ctx.prec + REDUCTION_BITS
+    with ctx.workprec(precision):
+        windows = find_windows(problem.body, problem.potential, motion, precision=precision)
+        start = starting_point(choose_window(windows, motion), motion)
+        at = start.arc.loop.point(start.v)
+        if not at.g2.is_finite():
+            height = arb((1 - at.g1 * at.g1 - at.g3 * at.g3).abs_upper()).sqrt()
+            at = at._replace(g2=arb(0, height))
+        p = -start.direction * at.P.sqrt() if start.direction else arb(0)
+        return six_variables(start.arc.loop, at, p)
 
 
 def with_enough_bits(problem: Problem, solve: Callable[[Problem, Place], T]) -> T:

@@ -54,7 +54,7 @@ def residual_evidence(
     residual = None
     if is_planar and not is_plain():
         # The compiler is loaded only where it is needed.
-        from workers.solvers.compiled.shown.evidence import kept_claim  # noqa: PLC0415
+        from workers.solvers.compiled.residual.evidence import kept_claim  # noqa: PLC0415
 
         residual = kept_claim(body, potential, dense, dense.error, energy)
         if residual is None and dense.coefficients.shape[1] > 1 and len(dense.breaks) <= MAX_PIECES_CUT:
@@ -98,7 +98,7 @@ def with_samples_raised(body: RigidBody, potential: Potential, motion: Motion) -
     if not isfinite(motion.error):
         return motion
     if not is_plain():
-        from workers.solvers.compiled.shown.evidence import samples_keep_claim  # noqa: PLC0415
+        from workers.solvers.compiled.residual.evidence import samples_keep_claim  # noqa: PLC0415
 
         if samples_keep_claim(body, potential, motion.samples, motion.error, motion.energy):
             return motion

@@ -157,7 +157,7 @@ class Units:
             coefficients=dense.coefficients * self.of_columns(dense.columns),
             period=None
             if period is None
-            else Period(period.hi * self.slow, period.lo * self.slow, period.error * self.slow),
+            else Period(period.hi * self.slow, period.lo * self.slow, period.error * self.slow, period.kind),
             errors={**dense.errors, **{name: errors[name] for name in OMEGA if name in dense.columns}},
         )
 
@@ -181,7 +181,8 @@ class Units:
             quick = arb(2) ** self.k
             states = tuple((p * quick, q * quick, r * quick, *gamma) for p, q, r, *gamma in found.states)
             times = tuple(time / quick for time in found.times)
-            return replace(found, period=found.period / quick, states=states, times=times)
+            period = None if found.period is None else found.period / quick
+            return replace(found, period=period, states=states, times=times)
 
     def enclosures(self, columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return the columns that hold enclosures in the client's units."""
@@ -198,8 +199,8 @@ class Units:
         time, rate = limit.time, limit.rate
         return replace(
             limit,
-            time=None if time is None else Estimate(time.value * self.slow, time.error * self.slow),
-            rate=None if rate is None else Estimate(rate.value * self.quick, rate.error * self.quick),
+            time=None if time is None else _times(time, self.slow),
+            rate=None if rate is None else _times(rate, self.quick),
         )
 
 
@@ -240,6 +241,10 @@ def _speed_by_field(problem: Problem, gamma: tuple[Fraction, Fraction, Fraction]
     slope = largest(map(abs, problem.potential.gradient(np.array([float(g) for g in gamma])).tolist()))
     found = math.sqrt(slope) / math.sqrt(least)
     return found if math.isfinite(found) else 0.0
+
+
+def _times(number: Estimate, unit: float) -> Estimate:
+    return replace(number, value=number.value * unit, error=number.error * unit)
 
 
 def _scaled(number: Fraction | None, unit: Fraction) -> Fraction | None:

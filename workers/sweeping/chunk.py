@@ -32,10 +32,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from service.jobs.records import Refused, SolveOutcome
+from service.local.worker_process import own_host
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.sweep import kept_numbers
 from service.storage.codecs.packing import decode_arrays
 from workers.computation.compute import solve_checked, solve_document
+from workers.computation.summary import provenance
 
 FloatArray = NDArray[np.float64]
 
@@ -133,9 +135,10 @@ def compute_chunk(document_json: str) -> ChunkOutcome:
         with on_way(way):
             solver = _solver_of(sweep, way, waits=document.get("waits") is True)
             points = solver.solve(document["first"], document["count"], began + MOST_CHUNK_SECONDS)
+            source = {"host": own_host(), **provenance()}
     except NotReadyError as fault:
         raise NeedsKernelsError from fault
-    return chunk_outcome(points, time.perf_counter() - began)
+    return chunk_outcome(points, time.perf_counter() - began, source)
 
 
 class ChunkSolver:

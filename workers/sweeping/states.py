@@ -68,9 +68,7 @@ class Shared:
     """The program and the gradients that points of one structure share."""
 
     template: Template
-    own: SharedGradient
-    other: SharedGradient
-    """With the constants that rounded ones might as well have been."""
+    slopes: SharedGradient
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +120,7 @@ class SharedModels:
         if not shared.template.is_of(constants):
             return None
         fractions = [None if number is None else Fraction(int(number.p), int(number.q)) for number in exact]
-        slopes, other = shared.own.constants(fractions), shared.other.constants(fractions)
+        slopes, other = (shared.slopes.constants(fractions, rounding) for rounding in ROUNDINGS)
         if slopes is None or other is None:
             return None
         return PointConstants(shared, constants, slopes, other)
@@ -130,8 +128,8 @@ class SharedModels:
     def models(self, rows: Sequence[PointConstants]) -> Models:
         """Return the models of points of one structure."""
         shared = rows[0].shared
-        gradient, count = shared.own.gradient, len(rows)
-        own, other = (moments_of(self._body, rounding) for rounding in (nearest_double, neighbour_of))
+        gradient, count = shared.slopes.gradient, len(rows)
+        own, other = (moments_of(self._body, rounding) for rounding in ROUNDINGS)
         return Models(
             shared.template.program.gradient,
             gradient.code,
@@ -149,27 +147,14 @@ class SharedModels:
         probes = self._model.probes(self._moments, numbers)
         if template is None or probes is None:
             return None
-        tapes = probes[0][1], probes[1][1]
         try:
-            own, other = (shared_gradient(tapes, rounding) for rounding in (nearest_double, neighbour_of))
+            return Shared(template, shared_gradient(probes[0][1], nearest_double))
         except UnsupportedFormulaError:
             return None
-        if own is None or other is None or not _are_alike(own, other):
-            return None
-        return Shared(template, own, other)
 
 
-def _are_alike(one: SharedGradient, other: SharedGradient) -> bool:
-    """Tell whether two programs are the same but for constants."""
-    first, second = one.gradient, other.gradient
-    return (
-        first.registers == second.registers
-        and len(first.constants) == len(second.constants)
-        and np.array_equal(first.code, second.code)
-        and np.array_equal(first.gradient, second.gradient)
-    )
-
-
+ROUNDINGS = nearest_double, neighbour_of
+"""Constants as doubles, and as those that rounded ones might as well have been."""
 MOST_CACHED_INTEGRATORS = 64
 """Integrators of bodies and potentials that are kept at once."""
 MOST_SAMPLE_VALUES = 2**17
@@ -252,7 +237,7 @@ class StateSolver:
         indices = np.flatnonzero(is_usable)
         if all(which is not None and which < 6 for which in self._positions):
             integrator = self._integrator((), {}, first) if len(indices) else None
-            if integrator is None or integrator.structure is None:
+            if integrator is None:
                 return []
             return [_Group(indices, np.zeros(len(indices), dtype=np.int64), integrator.models)]
         rows: dict[int, tuple[list[int], list[PointConstants]]] = {}
@@ -265,7 +250,7 @@ class StateSolver:
                 known.append(row)
                 continue
             integrator = self._integrator_at(points, first, index)
-            if integrator is not None and integrator.structure is not None:
+            if integrator is not None:
                 alike, integrators = others.setdefault(integrator.structure, ([], []))
                 alike.append(index)
                 integrators.append(integrator)

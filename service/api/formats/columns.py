@@ -94,6 +94,7 @@ def provenance_of_points(record: SweepRecord) -> Document:
         "points": record.points,
         "done": record.done,
         "way": record.way,
+        "computed_by": list(map(dict, record.provenances)),
     }
 
 

@@ -1,11 +1,14 @@
-"""Writes the origin of a solution as PROV-JSON (W3C member submission, 2013; PROV-DM, W3C recommendation)."""
+"""Writes the origin of a solution, or of the points of a sweep, as PROV-JSON.
+
+PROV-JSON is a member submission to the W3C of 2013; PROV-DM, its model, a recommendation.
+"""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from urllib.parse import quote
 
-from service.jobs.records import Attempt, AttemptOutcome
+from service.jobs.records import Attempt, AttemptOutcome, SweepRecord
 from service.schemas.reading.documents import Part, instant_text
 from service.schemas.replies.solution import ProvenanceGraphOut, Records
 from service.storage.solutions.origin import SolutionOrigin
@@ -37,6 +40,25 @@ class _Graph:
     def associate(self, activity: str, agent: str) -> None:
         _relate(self.associated, "association", {"prov:activity": activity, "prov:agent": agent})
 
+    def compute_with(self, activity: str, agents: Iterable[tuple[str, str]]) -> None:
+        """Associate a computation with programs, each an identifier and a name."""
+        for agent, name in agents:
+            self.agents[agent] = {"prov:type": _SOFTWARE, "prov:label": name}
+            self.associate(activity, agent)
+
+    def document(self) -> ProvenanceGraphOut:
+        """Return it as it is answered."""
+        return ProvenanceGraphOut(
+            prefix=PREFIX,
+            entity=self.entities,
+            activity=self.activities,
+            agent=self.agents,
+            used=self.used,
+            wasGeneratedBy=self.generated,
+            wasDerivedFrom=self.derived,
+            wasAssociatedWith=self.associated,
+        )
+
 
 def provenance_graph(origin: SolutionOrigin) -> ProvenanceGraphOut:
     """Return the problem, what was done with it, by whom and with what, and the solution."""
@@ -62,9 +84,6 @@ def provenance_graph(origin: SolutionOrigin) -> ProvenanceGraphOut:
     }
     graph.derive(solution, problem)
     examination = _examine(graph, origin, problem)
-    software = list(_software(versions))
-    for agent, name in software:
-        graph.agents[agent] = {"prov:type": _SOFTWARE, "prov:label": name}
     for attempt in origin.attempts:
         activity = _attempt(graph, origin, attempt, versions)
         graph.use(activity, problem)
@@ -72,18 +91,30 @@ def provenance_graph(origin: SolutionOrigin) -> ProvenanceGraphOut:
             graph.use(activity, examination)
         if attempt.outcome is AttemptOutcome.SUCCEEDED:
             graph.generate(solution, activity)
-            for agent, _ in software:
-                graph.associate(activity, agent)
-    return ProvenanceGraphOut(
-        prefix=PREFIX,
-        entity=graph.entities,
-        activity=graph.activities,
-        agent=graph.agents,
-        used=graph.used,
-        wasGeneratedBy=graph.generated,
-        wasDerivedFrom=graph.derived,
-        wasAssociatedWith=graph.associated,
-    )
+            graph.compute_with(activity, _software(versions))
+    return graph.document()
+
+
+def graph_of_points(record: SweepRecord) -> ProvenanceGraphOut:
+    """Return a sweep, its points, and what computed them: an activity for all hosts that are alike."""
+    graph = _Graph()
+    sweep, points = _name("sweep", record.id), _name("points", record.id)
+    graph.entities[sweep] = {"prov:type": "polhode:Sweep", "prov:value": json.dumps(record.document)}
+    graph.entities[points] = {
+        "prov:type": "polhode:Points",
+        "polhode:points": record.points,
+        "polhode:done": record.done,
+    }
+    graph.derive(points, sweep)
+    for number, provenance in enumerate(record.provenances):
+        activity, hosts = _name("sweep", record.id, "computation", str(number)), provenance["hosts"]
+        assert isinstance(hosts, list)
+        graph.activities[activity] = {"prov:type": "polhode:Computation", **_machine(provenance)}
+        graph.use(activity, sweep)
+        graph.generate(points, activity)
+        graph.compute_with(activity, [(_name("host", host), host) for host in hosts])
+        graph.compute_with(activity, _software(provenance))
+    return graph.document()
 
 
 def _examine(graph: _Graph, origin: SolutionOrigin, problem: str) -> str | None:
@@ -105,7 +136,6 @@ def _examine(graph: _Graph, origin: SolutionOrigin, problem: str) -> str | None:
 
 def _attempt(graph: _Graph, origin: SolutionOrigin, attempt: Attempt, versions: Part) -> str:
     activity = _name("job", origin.solution.job_id, "attempt", str(attempt.number))
-    worker = _name("worker", attempt.worker)
     attributes: dict[str, object] = {
         "prov:type": "polhode:Computation",
         "prov:startTime": instant_text(attempt.started_at),
@@ -115,20 +145,20 @@ def _attempt(graph: _Graph, origin: SolutionOrigin, attempt: Attempt, versions: 
     if attempt.outcome is not None:
         attributes["polhode:outcome"] = attempt.outcome.value
     if attempt.outcome is AttemptOutcome.SUCCEEDED:
-        attributes |= {
-            f"polhode:{name}": versions[name]
-            for name in ("numerics", "processor", "threads")
-            if versions.get(name)
-        }
+        attributes |= _machine(versions)
         cost = origin.solution.summary.get("cost")
         if isinstance(cost, Mapping) and "compute_seconds" in cost:
             attributes["polhode:compute_seconds"] = cost["compute_seconds"]
     elif attempt.detail is not None:
         attributes["polhode:reason"] = attempt.detail
     graph.activities[activity] = attributes
-    graph.agents[worker] = {"prov:type": _SOFTWARE, "prov:label": attempt.worker}
-    graph.associate(activity, worker)
+    graph.compute_with(activity, [(_name("worker", attempt.worker), attempt.worker)])
     return activity
+
+
+def _machine(provenance: Part) -> dict[str, object]:
+    names = ("numerics", "processor", "threads")
+    return {f"polhode:{name}": provenance[name] for name in names if provenance.get(name)}
 
 
 def _software(versions: Part) -> Iterator[tuple[str, str]]:

@@ -141,7 +141,9 @@ def write_function(dense: DenseOutput, headers: Mapping[str, str]) -> Response:
         "columns": list(dense.columns),
         "breaks": np.ascontiguousarray(dense.breaks),
         "coefficients": np.ascontiguousarray(dense.coefficients),
-        "period": None if dense.period is None else asdict(dense.period),
+        "period": None
+        if dense.period is None
+        else {"hi": dense.period.hi, "lo": dense.period.lo, "error": dense.period.error},
         "error": dense.error,
         "errors": dict(dense.errors),
         "advances": {name: asdict(gained) for name, gained in dense.advances.items()},

@@ -103,6 +103,7 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/v1/sweeps/{sweep_id}/cancel": {"POST": Role.SUBMIT},
     "/v1/sweeps/{sweep_id}/events": {"GET": Role.READ},
     "/v1/sweeps/{sweep_id}/jobs": {"GET": Role.READ},
+    "/v1/sweeps/{sweep_id}/provenance": {"GET": Role.READ},
     "/v1/status": {"GET": Role.READ},
     "/v1/problems/{digest}/solutions": {"GET": Role.READ},
     "/v1/sweeps/{sweep_id}/package": {"GET": Role.READ},

@@ -9,7 +9,14 @@ from service.schemas.replies.sweep import SweepOut, SweepStateOut
 from service.storage.solutions.audit_store import Audit
 from service.storage.solutions.solution_store import Solution
 
-_ADDED_LATER: Document = {"asymptotes": None, "precession": None, "warnings": [], "errors": None}
+_ADDED_LATER: Document = {
+    "asymptotes": None,
+    "precession": None,
+    "warnings": [],
+    "errors": None,
+    "error_kind": None,
+    "known_cases": [],
+}
 """Fields that solutions stored by the first version lack."""
 
 
@@ -69,7 +76,8 @@ def audit_out(audit: Audit) -> AuditOut:
 
 def sweep_out(record: SweepRecord) -> SweepOut:
     """Return a sweep as it is shown, with its document."""
-    return SweepOut.model_validate({**_state(record), "document": dict(record.document)})
+    own = {"document": dict(record.document), "provenances": list(map(dict, record.provenances))}
+    return SweepOut.model_validate({**_state(record), **own})
 
 
 def sweep_state_out(record: SweepProgress) -> SweepStateOut:

@@ -40,7 +40,7 @@ from service.schemas.replies.verdict import VerdictOut
 from service.settings import Settings
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.typesetting.equations import FORMATS, Format
-from service.verdicts.documents import UNUSUAL, plan_document
+from service.verdicts.documents import UNUSUAL, known_cases_document, plan_document
 from service.verdicts.examination import classification_of, examine_question
 
 FORMAT = "(text|latex|mathml)"
@@ -155,8 +155,10 @@ def _planned(
     if verdict is None:
         with ONE_AT_A_TIME:
             found = classification_of(asked.question)
+            known = known_cases_document(asked.question.body, asked.question.potential)
         plan = plan_document(checked.problem, None)
-        verdict = {**dict.fromkeys(VerdictOut.model_fields), "warnings": [], "plan": plan, "classical": found}
+        nothing = dict.fromkeys(VerdictOut.model_fields)
+        verdict = {**nothing, "warnings": [], "plan": plan, "classical": found, "known_cases": known}
     completed = _completed(inside, asked.document, checked, verdict["plan"])
     return json_response(VerdictOut.model_validate({**verdict, "plan": completed}))
 

@@ -123,6 +123,15 @@ class Motion(Generic[CarrierT]):
         return errors if isinstance(errors, Mapping) else {}
 
     @property
+    def error_kind(self) -> Mapping[str, str]:
+        """The kind of each error by the path of its number: ``theorem``, ``estimate`` or ``difference``.
+
+        ``samples`` are those of the problem, ``function`` any others; empty of solutions of earlier versions.
+        """
+        kinds = self.document.get("error_kind")
+        return kinds if isinstance(kinds, Mapping) else {}
+
+    @property
     def aperiodic(self) -> str | None:
         """Why it has no period: ``separatrix``, ``equilibrium``, ``collision`` or ``pole``."""
         reason = self.document.get("aperiodic")

@@ -82,6 +82,11 @@ class Judgement(Generic[CarrierT]):
         """The classical and integrable cases that a state in a field of gravity lies on, or is near."""
         return _section(self.document.get("classical"))
 
+    @property
+    def known_cases(self) -> Sequence[Mapping[str, object]]:
+        """The cases of the heavy body that have names and that the problem is, with their sources."""
+        return [fields(each) for each in _list(self.document.get("known_cases"))]
+
     @operation
     def latex(self) -> Operation[Mapping[str, Sequence[str]]]:
         """Return the equations as LaTeX, by name: V, h, F, G, and those of docs/formulas.md.

@@ -326,6 +326,12 @@ export function exportable(place, { moves = false } = {}) {
   figure.append(host, menu);
 }
 
+/** Return a line with the cases that a problem is, by their names; `null` if it is none. */
+export function knownCases(known) {
+  if (!known?.length) return null;
+  return h("p", { class: "hint" }, `Known: ${known.map(({ name, source }) => `the case ${name.replaceAll("_", " and ")} (${source})`).join(", ")}.`);
+}
+
 // On narrow screens the names of the pages stand in one line that scrolls.
 const here = document.querySelector("nav [aria-current]");
 if (here) document.querySelector("nav").scrollLeft = here.offsetLeft - 60;

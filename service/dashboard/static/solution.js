@@ -1,5 +1,5 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ENDS, ago, asked, bodyText, copier, download, during, exact, fill, get, h, measured, motionText, number, pause, potentialText, remember, run, troubleOf } from "./core.js";
+import { $, ENDS, ago, asked, bodyText, copier, download, during, exact, fill, get, h, knownCases, measured, motionText, number, pause, potentialText, remember, run, troubleOf } from "./core.js";
 import { centreOf, Clock, drawnBody, framesOf, multipliers, turningBody } from "./body.js";
 import { pointed } from "./chart.js";
 import { between, drifts, namesOf, overTime, phasePlane, samplesOf, SHOWN, stale } from "./series.js";
@@ -15,20 +15,24 @@ const ENDLESS = {
 
 const fact = (name, ...value) => h("div", {}, h("dt", {}, name), h("dd", {}, ...value.flat()));
 
+/** Mark a number whose error is a theorem; the others say nothing. */
+const proven = (kind) => (kind === "theorem" ? h("span", { class: "error", title: "proved by balls that contain every value" }, " proven") : "");
+
 /** Return the facts of a solution, each with its error, as parts of a description list. */
 function factsOf(solution, tolerances) {
-  const { period, aperiodic, energy, window: range, invariants, cross_check: check, stability, precession, problem: { accuracy } } = solution;
+  const { period, aperiodic, energy, window: range, invariants, cross_check: check, stability, precession, problem: { accuracy }, error_kind: kinds = {} } = solution;
+  const known = (path) => proven(kinds?.[path]);
   const drift = Object.entries(invariants ?? {}).filter(([, value]) => value?.drift !== undefined);
   return [
-    period ? fact("Period", measured(period)) : fact("Period", aperiodic ? `none, ${ENDLESS[aperiodic] ?? aperiodic}` : "none is known"),
-    energy ? fact("Energy", measured(energy)) : null,
-    fact("Claimed error, stored samples", h("span", { class: "value" }, `≤ ${number(solution.error, 2)}`), relative(solution.errors)),
+    period ? fact("Period", measured(period), known("period")) : fact("Period", aperiodic ? `none, ${ENDLESS[aperiodic] ?? aperiodic}` : "none is known"),
+    energy ? fact("Energy", measured(energy), known("energy")) : null,
+    fact("Claimed error, stored samples", h("span", { class: "value" }, `≤ ${number(solution.error, 2)}`), known("samples"), relative(solution.errors)),
     range ? fact("Range of motion", [...new Set(range.ends)].map((end) => ENDS[end] ?? end).join(", "),
       h("span", { class: "error" }, ` γ₁ in [${range.g1.map((x) => number(x, 5)).join(", ")}]`)) : null,
     drift.length ? fact("Drift", drift.map(([name, value], k) => [k ? ", " : "", `${name} `, h("span", { class: "value" }, number(value.drift, 2))]).flat()) : null,
-    precession ? fact("Precession ψ in a period", measured(precession.psi1)) : null,
+    precession ? fact("Precession ψ in a period", measured(precession.psi1), known("precession.psi1")) : null,
     stability ? fact("Against leaving its plane", h("span", { class: "value" }, STABILITY[stability.verdict]), h("span", { class: "error" },
-      ` trace ${number(stability.trace, 8)} ± ${number(stability.error, 2)}`)) : null,
+      ` trace ${number(stability.trace, 8)} ± ${number(stability.error, 2)}`), known("stability")) : null,
     stability?.trusted_time ? fact(`Double precision keeps ${number(exact(accuracy?.tolerance ?? tolerances[solution.tier] ?? solution.error), 2)} until`,
       h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`), h("span", { class: "error" }, " at best")) : null,
     check ? fact("Second method", `${check.method} ${check.agrees ? "agrees" : "disagrees"}`, h("span", { class: "error" }, ` within ${number(check.disagreement, 2)}`)) : null,
@@ -85,7 +89,7 @@ async function show() {
   $("subtitle").textContent = `${motionText(problem.motion)} · ${bodyText(problem.body)} · computed ${ago(solution.created_at)}`;
   const { tolerances } = solution.stability?.trusted_time ? await get("v1/accuracy") : { tolerances: {} };
   fill($("facts"), factsOf(solution, tolerances));
-  fill($("warnings"), (solution.warnings ?? []).map((warning) => h("p", { class: "notice" }, warning.message ?? String(warning))));
+  fill($("warnings"), [knownCases(solution.known_cases), ...(solution.warnings ?? []).map((warning) => h("p", { class: "notice" }, warning.message ?? String(warning)))]);
   fill($("provenance"), Object.entries({ ...solution.provenance, solution: solution.id, job: solution.job }).map(([name, value]) =>
     h("div", {}, h("dt", {}, name), h("dd", {}, String(value)))));
   $("problem").textContent = JSON.stringify(problem, null, 2);

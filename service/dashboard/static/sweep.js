@@ -29,6 +29,10 @@ function showProgress(found) {
   const tile = (name, value, note) => h("div", {}, h("dt", {}, name), h("dd", {}, value, note ? h("span", { class: "error" }, note) : null));
   fill($("progress"), tile("State", state), tile("Done", `${done.toLocaleString("en")} of ${all.toLocaleString("en")}`, left ? `about ${number(left, 2)} s more` : null),
     tile("Without a motion", refused.toLocaleString("en")), tile("Time for a point", each ? `${number(1000 * each, 2)} ms` : "–"));
+  const kinds = sweep.provenances;
+  const hosts = new Set(kinds.flatMap((kind) => kind.hosts)).size;
+  const unlike = kinds.length > 1 ? `, of ${kinds.length} kinds: last digits may depend on which of them computed a point, within the claimed errors` : "";
+  $("computed").textContent = hosts ? `Computed on ${hosts === 1 ? "one host" : `${hosts} hosts`}${unlike}.` : "";
 }
 
 async function showRefusals() {

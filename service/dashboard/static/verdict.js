@@ -1,5 +1,5 @@
 // A verdict: its proof or its counterexample, its formulas, and what it means on the sphere.
-import { $, exact, fill, h, number } from "./core.js";
+import { $, exact, fill, h, knownCases, number } from "./core.js";
 import { turnable } from "./sphere.js";
 
 const MATHML = "http://www.w3.org/1998/Math/MathML";
@@ -39,13 +39,14 @@ export function showVerdict(found, faults, use) {
       faults.slice(0, 3).map(({ message }) => h("p", { class: "hint" }, message)));
     return;
   }
-  const { verdict, proof, counterexample, evidence, nearest } = found;
+  const { verdict, proof, counterexample, evidence, nearest, known_cases: known } = found;
   const words = { admissible: "Admissible", inadmissible: "Not admissible", undecided: "Undecided" };
   fill($("verdict"),
     h("p", { class: `verdict ${verdict}` }, h("strong", {}, words[verdict] ?? verdict), ` — ${PROOFS[proof] ?? proof}.`),
     counterexample ? h("p", {}, `At γ = (${counterexample.g.join(", ")}) the residual is `,
       h("span", { class: "value" }, `${number(Number(counterexample.residual.mid), 10)} ± ${number(Number(counterexample.residual.rad), 2)}`), ".") : null,
     evidence?.points ? h("p", { class: "hint" }, `Checked ${evidence.points} points with ${evidence.bits} bits; the largest enclosure of a residual is ${evidence.largest_enclosure}.`) : null,
+    knownCases(known),
     nearest ? nearestOne(nearest, use) : null);
 }
 

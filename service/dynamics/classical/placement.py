@@ -5,7 +5,7 @@ momentum along the centre, all others by their phase on the loop of the reduced 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from flint import arb, ctx
@@ -29,6 +29,8 @@ class Start:
 
     omega: tuple[Fraction, Fraction, Fraction]
     gamma: tuple[Fraction, Fraction, Fraction]
+    balls: tuple[arb, ...] = field(default=(), compare=False)
+    """Enclosures of the six variables, of CASE_BITS bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +90,7 @@ class Placed:
 def start_of(state: Sequence[arb]) -> Start:
     """Return a state as rationals."""
     p, q, r, g1, g2, g3 = (rational(x) for x in state)
-    return Start((p, q, r), (g1, g2, g3))
+    return Start((p, q, r), (g1, g2, g3), tuple(state))
 
 
 def place_steady(fitting: Fitting, motion: ClassicalMotion) -> Placed:

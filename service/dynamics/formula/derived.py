@@ -12,7 +12,7 @@ from functools import lru_cache
 from itertools import combinations_with_replacement, count
 from typing import NamedTuple, cast
 
-from service.dynamics.formula.algebras.jets import FirstOrderJets, SecondOrderJets
+from service.dynamics.formula.algebras.jets import FirstOrderJets, Jet, SecondOrderJets
 from service.dynamics.formula.tape import Instruction, Operation, Tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.formula.tree import VARIABLES
@@ -79,6 +79,11 @@ def gradient(tape: Tape, tracer: Tracer, g: Sequence[Traced]) -> Sequence[Traced
     return jet.value, *jets.gradient(jet)
 
 
+def slopes(tape: Tape, tracer: Tracer, g: Sequence[Traced]) -> Sequence[Traced]:
+    """Return V_1, V_2 and V_3."""
+    return gradient(tape, tracer, g)[1:]
+
+
 def second_order(tape: Tape, tracer: Tracer, g: Sequence[Traced]) -> Sequence[Traced]:
     """Return V, its three first derivatives, and the second ones 11, 12, 13, 22, 23, 33."""
     jets = SecondOrderJets(tracer, 3)
@@ -89,6 +94,25 @@ def second_order(tape: Tape, tracer: Tracer, g: Sequence[Traced]) -> Sequence[Tr
         *jets.gradient(jet),
         *(rows[i][j] for i, j in combinations_with_replacement(range(3), 2)),
     )
+
+
+def across(tape: Tape, tracer: Tracer, g: Sequence[Traced]) -> Sequence[Traced]:
+    """Return D, ∂²V/∂φ², and the derivatives of V along g1 (−g2, g1, 0) and g3 (0, −g3, g2).
+
+    φ turns g1 = √ρ cos φ and g3 = √ρ sin φ; the equation of what leaves the plane has these derivatives.
+    """
+    multiply, negate = tracer.multiply, tracer.negate
+    g1, g2, g3 = g
+    rates = (
+        (negate(g3), negate(multiply(g1, g2)), None),
+        (None, multiply(g1, g1), negate(multiply(g3, g3))),
+        (g1, None, multiply(g2, g3)),
+    )
+    bends = ((negate(g1), *(None,) * 5), (None,) * 6, (negate(g3), *(None,) * 5))
+    jets = SecondOrderJets(tracer, 3)
+    jet = tape.evaluate(jets, tuple(map(Jet, g, rates, bends)))
+    D, first, third = jets.gradient(jet)
+    return D, jets.hessian(jet)[0][0], first, third
 
 
 def derived(tape: Tape, derivation: Derivation) -> Derived:

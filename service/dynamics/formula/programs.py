@@ -1,47 +1,48 @@
-"""Formulas in balls as compiled straight-line Python: the same operations, decided once.
+"""Formulas in balls as lists of operations: decided once, then gone through.
 
-What a tape does in an algebra is traced (:mod:`.traces`), and the trace becomes one function of operators
-and methods of flint. Every operation is that of :class:`~.algebras.ball.BallAlgebra` or
-:class:`~.algebras.complex_ball.ComplexBallAlgebra`, in an order that gives the same balls to the last bit.
-Its text is made of numbers of registers and fixed words: nothing that a client wrote gets into it.
+What a tape does in an algebra is traced (:mod:`.traces`), and the trace becomes a list of operations on
+registers. Every operation is that of the algebra, in an order that gives the same balls to the last bit.
 """
 
+import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, Literal  # Any: a function of balls or of complex ones
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
-from flint import acb, ctx, fmpq
+from flint import ctx
 
 from service.dynamics.formula.algebra import Algebra
-from service.dynamics.formula.algebras.ball import BallAlgebra, whole_power
+from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
 from service.dynamics.formula.traces import Step, Traced, Tracer
 
 if TYPE_CHECKING:
     from service.dynamics.formula.tape import Tape
 
-OFTEN = 24
+OFTEN = 12
 """Evaluations of one kind after which a program pays for its making."""
 LONGEST = 4000
-"""Steps of a program: making longer ones takes longer than is sure to be saved."""
+"""Operations of a program: constants of longer ones take more room than is sure to be worth it."""
 FORMULAS = 64
 """Number of formulas whose programs are cached for the next problem."""
 PRECISIONS = 16
 """Number of precisions for which the constants of a program are cached."""
 
+T = TypeVar("T")
 Kind = Literal["real", "complex", "analytic"]
 Run = Callable[..., tuple[Any, ...]]
-"""Returns the results, given the inputs."""
-
-_METHODS = {name: f"{{}}.{name}()" for name in ("exp", "sin", "cos", "tan", "log")}
-_CALLS: dict[Kind, dict[str, str]] = {
-    "real": _METHODS | {"abs": "abs({})", "sign": "{}.sgn()"},
-    "complex": _METHODS | {"abs": "{}.real_abs()", "sign": "{}.real_sgn()"},
-    "analytic": _METHODS | {"abs": "{}.real_abs(True)", "sign": "{}.real_sgn(True)", "log": "{}.log(True)"},
+"""Returns the results, given the inputs: balls or complex ones."""
+Operation = Callable[[Any, Any], Any]
+"""An operation on two registers; one of a single operand does not look at the second."""
+_CONSTANTS = "constant", "pi"
+_OPERATORS: dict[str, Operation] = {
+    "add": operator.add,
+    "subtract": operator.sub,
+    "multiply": operator.mul,
+    "divide": operator.truediv,
+    "negate": lambda x, _: -x,
 }
-"""Every function there is: no other name gets into a program."""
-_OPERATORS = {"add": "+", "subtract": "-", "multiply": "*", "divide": "/"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +64,7 @@ class Programs:
 
     def __init__(self) -> None:
         self._asked: dict[object, int] = {}
-        self._made: dict[object, _Program | None] = {}
+        self._made: dict[object, _Program[Any] | None] = {}
         self._of_equal_tapes: Programs | None = None
 
     def __reduce__(self) -> tuple[type["Programs"], tuple[()]]:
@@ -91,7 +92,8 @@ class Programs:
         asked = self._asked.get(name, 0) + 1
         self._asked[name] = asked
         if asked > way.often:
-            self._made[name] = _made(tape, way)
+            program = traced_program(tape, way)
+            self._made[name] = program if len(program.operations) <= LONGEST else None
         return None
 
 
@@ -101,10 +103,11 @@ def _of_equal_tapes(_: "Tape") -> Programs:
 
 
 @dataclass(slots=True)
-class _Program:
-    bind: Callable[..., Run]
-    """Returns the function, given the constants."""
-    constants: tuple[Callable[[], Any], ...]
+class _Program(Generic[T]):
+    constants: tuple[Callable[[], T], ...]
+    """Their registers are the first ones; those of the inputs follow, and then one result after the other."""
+    operations: tuple[tuple[Operation, int, int], ...]
+    results: tuple[int, ...]
     runs: dict[int, Run] = field(default_factory=dict)
 
     def at(self, precision: int) -> Run:
@@ -112,79 +115,57 @@ class _Program:
         if run is None:
             if len(self.runs) >= PRECISIONS:
                 self.runs.clear()
-            run = self.runs[precision] = self.bind(*(constant() for constant in self.constants))
+            run = self.runs[precision] = self._bound([constant() for constant in self.constants])
+        return run
+
+    def _bound(self, constants: list[T]) -> Run:
+        operations, results = self.operations, self.results
+
+        def run(*inputs: T) -> tuple[T, ...]:
+            registers = [*constants, *inputs]
+            append = registers.append
+            for operation, left, right in operations:
+                append(operation(registers[left], registers[right]))
+            return tuple([registers[result] for result in results])
+
         return run
 
 
-def _made(tape: "Tape", way: Way) -> _Program | None:
+def traced_program(tape: "Tape", way: Way) -> "_Program[Any]":
+    """Return the program of one way to ask a tape."""
+    is_real = way.kind == "real"
+    algebra: Algebra[Any] = BallAlgebra() if is_real else ComplexBallAlgebra(analytic=way.kind == "analytic")
     tracer = Tracer()
     inputs, results = way.trace(tape, tracer)
     steps = tracer.steps(results)
-    if len(steps) > LONGEST:
-        return None
-    names: list[str] = []
-    constants: list[Callable[[], Any]] = []
-    lines: list[str] = []
-    for number, step in steps:
-        if step.operation == "variable":
-            continue
-        constant = _constant(step, way.kind)
-        if constant is not None:
-            names.append(f"v{number}")
-            constants.append(constant)
+    constants = {number: step for number, step in steps if step.operation in _CONSTANTS}
+    operations = {number: step for number, step in steps if step.operation not in (*_CONSTANTS, "variable")}
+    order = [*constants, *(each.number for each in inputs), *operations]
+    registers = {number: register for register, number in enumerate(order)}
+    written = []
+    for step in operations.values():
+        left = registers[step.left]
+        if step.operation == "power" and step.number == 2 and is_real:
+            written.append((operator.mul, left, left))
         else:
-            lines.append(f"v{number} = {_text(step, way.kind)}")
-    head = ", ".join(f"v{value.number}" for value in inputs)
-    tail = "".join(f"v{value.number}, " for value in results)
-    body = "".join(f"\n        {line}" for line in lines)
-    inner = f"    def run({head}):{body}\n        return ({tail})"
-    text = f"def bind({', '.join(names)}):\n{inner}\n    return run"
-    return _Program(_compiled(text), tuple(constants))
+            written.append((_operation(step, algebra), left, registers.get(step.right, left)))
+    return _Program(
+        tuple(
+            algebra.pi if step.number is None else partial(algebra.constant, step.number)
+            for step in constants.values()
+        ),
+        tuple(written),
+        tuple(registers[each.number] for each in results),
+    )
 
 
-@lru_cache(maxsize=FORMULAS)
-def _compiled(text: str) -> Callable[..., Run]:
-    """Return what takes the constants; formulas that differ in them alone have one text."""
-    space: dict[str, Any] = {"whole_power": whole_power, "fmpq": fmpq, "acb": acb}
-    exec(compile(text, "<program of a tape>", "exec"), space)
-    bind: Callable[..., Run] = space["bind"]
-    return bind
-
-
-def _constant(step: Step, kind: Kind) -> Callable[[], Any] | None:
-    """Return what makes a constant at the current precision, None for another step."""
-    algebra: Algebra[Any] = BallAlgebra() if kind == "real" else ComplexBallAlgebra(analytic=True)
-    if step.operation == "pi":
-        return algebra.pi
-    if step.operation == "constant" and step.number is not None:
-        return partial(algebra.constant, step.number)
-    return None
-
-
-def _text(step: Step, kind: Kind) -> str:
-    left, right = f"v{step.left}", f"v{step.right}"
-    if step.operation in _OPERATORS:
-        return f"{left} {_OPERATORS[step.operation]} {right}"
-    if step.operation == "negate":
-        return f"-{left}"
-    if step.operation == "power" and step.number is not None:
-        return _power(left, *step.number.as_integer_ratio(), kind)
+def _operation(step: Step, algebra: Algebra[T]) -> Operation:
+    simple = _OPERATORS.get(step.operation)
+    if simple is not None:
+        return simple
     if step.operation == "general_power":
-        return f"({right} * {left}.log({'True' if kind == 'analytic' else ''})).exp()"
-    return _CALLS[kind][step.name].format(left)
-
-
-def _power(base: str, numerator: int, denominator: int, kind: Kind) -> str:
-    analytic = "True" if kind == "analytic" else ""
-    if denominator == 2 and abs(numerator) == 1:
-        return f"{base}.{'sqrt' if numerator == 1 else 'rsqrt'}({analytic})"
-    if denominator != 1:
-        exponent = f"fmpq({numerator}, {denominator})"
-        if kind == "real":
-            return f"{base} ** {exponent}"
-        return f"{base}.pow(acb({exponent}), analytic={analytic or 'False'})"
-    if kind != "real":
-        return f"{base} ** {numerator}"
-    if abs(numerator) == 2:
-        return f"{base} * {base}" if numerator > 0 else f"1 / ({base} * {base})"
-    return f"whole_power({base}, {numerator})"
+        return algebra.general_power
+    exponent, name = step.number, step.name
+    if exponent is not None:
+        return lambda x, _: algebra.power(x, exponent)
+    return lambda x, _: algebra.call(name, x)

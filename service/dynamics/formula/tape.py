@@ -58,6 +58,10 @@ class Tape:
 
     def evaluate(self, algebra: Algebra[T], inputs: Sequence[T]) -> T:
         """Return the value at ``inputs``, one per variable, computed in ``algebra``."""
+        return self.registers(algebra, inputs)[self.result]
+
+    def registers(self, algebra: Algebra[T], inputs: Sequence[T]) -> list[T]:
+        """Return all registers, computed in ``algebra``: of a tape that has several results."""
         add, multiply, divide, power = algebra.add, algebra.multiply, algebra.divide, algebra.power
         registers = list(inputs)
         for operation, left, right, number, name in self.instructions:
@@ -80,7 +84,7 @@ class Tape:
             else:
                 value = algebra.pi()
             registers.append(value)
-        return registers[self.result]
+        return registers
 
     def program(self, name: object, way: Way) -> Run | None:
         """Return a compiled way to ask this tape, None until it is asked often: :meth:`.Programs.find`."""

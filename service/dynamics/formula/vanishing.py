@@ -5,7 +5,7 @@ In an algebra whose scale is |u| the formula then is a power of the scale times 
 u is 0 and the formula itself infinite.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -47,6 +47,29 @@ def parts_in_g2(tape: Tape) -> tuple[VanishingPart, ...]:
         registers = [k for k in names if reader is not None and reader.is_written_in_g2(k)]
         found = tape.derived[parts_in_g2] = tuple(_by_register(tape, k) for k in registers)
     return found
+
+
+def with_vanishing(
+    tape: Tape, order_of: Callable[[Tape], int | None]
+) -> tuple[Tape, tuple[tuple[Tape, int], ...]]:
+    """Return a formula with all its parts in g2 alone that vanish at a place as further inputs, and these.
+
+    ``order_of`` tells the order of the zero that a part has there, None if it is none.
+    """
+    plain = _without_tangents(tape)
+    reader, found = _Reader(plain), dict[int, tuple[Tape, int]]()
+    for register in range(len(_VARIABLES), len(_VARIABLES) + len(plain.instructions)):
+        if reader.is_written_in_g2(register):
+            part = without_unused(Tape(plain.variables, plain.instructions, register))
+            order = order_of(part)
+            if order:
+                found[register] = part, order
+    recorder = Recorder((*_VARIABLES, *(f"u{k}" for k in range(len(found)))))
+    at, numbers = list(range(len(_VARIABLES))), list(found)
+    for place, made in enumerate(plain.instructions, start=len(_VARIABLES)):
+        is_input = place in found
+        at.append(len(_VARIABLES) + numbers.index(place) if is_input else recorder.emit(_moved(made, at)))
+    return without_unused(recorder.whole(at[plain.result])), tuple(found.values())
 
 
 def has_essential_part(part: VanishingPart) -> bool:

@@ -55,13 +55,13 @@ from service.dynamics.reduction.separatrices import with_near_rests
 from service.dynamics.reduction.sign_proofs.cells import Half, half_of
 from service.dynamics.reduction.sign_proofs.high_zeros import HighZero, high_zero
 from service.dynamics.reduction.sign_proofs.infinities import (
-    UNDEFINED,
     Infinity,
     continuous_sign,
     infinities_of,
     infinity_between,
     is_essential,
 )
+from service.dynamics.reduction.sign_proofs.neighbourhoods import UNDEFINED
 from service.dynamics.reduction.sign_proofs.sign_maps import (
     MAX_GAPS,
     ends_of,

@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
+from service.dynamics.bounds import ErrorKind, largest
 from service.dynamics.errors import DynamicsError
 
 FloatArray = NDArray[np.float64]
@@ -42,6 +42,8 @@ class Period:
     hi: float
     lo: float
     error: float
+    kind: ErrorKind = "estimate"
+    """How the bound is known: no theorem unless who has found it says so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,11 +158,7 @@ class DenseOutput:
 
     def phase_error(self, times: FloatArray) -> float:
         """Return the bound of the error of the phase, as a time, at any of ``times``; 0 without a period."""
-        if self.period is None or not len(times):
-            return 0.0
-        turns = float(np.abs(times).max()) / self.period.hi
-        lost = float(turns_lost(turns)) * self.period.hi
-        return self.period.error * turns + 4.0 * EPSILON * self.period.hi + lost
+        return 0.0 if self.period is None else phase_error(times, self.period)
 
     def sagittas_and_ranges(self, phase: float) -> tuple[FloatArray, FloatArray]:
         """Return bounds of how far each column leaves its chords of length φ, and of its range.
@@ -204,6 +202,14 @@ class DenseOutput:
                 f"t = {outside[0]:.17g} is outside [{first:.17g}, {last:.17g}], "
                 "where this solution was computed; it is not known to be periodic"
             )
+
+
+def phase_error(times: FloatArray, period: Period) -> float:
+    """Return the bound of the error of the phase of a periodic motion, as a time, at any of ``times``."""
+    if not len(times):
+        return 0.0
+    turns = float(np.abs(times).max()) / period.hi
+    return period.error * turns + 4.0 * EPSILON * period.hi + float(turns_lost(turns)) * period.hi
 
 
 MOST_TURNS = 2.0**52

@@ -17,7 +17,7 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem
 from service.schemas.problem.motions import CURVE_FIELDS, ClassicalMotionIn, curve_faults
 from service.schemas.problem.potentials import MODELS, GravityIn, PotentialModel
-from service.schemas.problem.sections import BodyIn, TierIn, TimePeriodsIn
+from service.schemas.problem.sections import BodyIn, TimePeriodsIn
 from service.schemas.problem.trusted import ONE_AT_A_TIME, body_of, potential_of, problem_of
 from service.schemas.reading.documents import Document, Fault, Part, fault_of
 from service.schemas.reading.parts import Section, fields_of
@@ -155,17 +155,8 @@ def combination_faults(document: object, parts: Mapping[str, object]) -> Iterato
 
 def _planar_only(kind: str | None, parts: Mapping[str, object]) -> Iterator[Fault]:
     """Yield a fault for each request that only the quadrature of planar motions can meet."""
-    accuracy, outputs = parts.get("accuracy"), parts.get("outputs")
+    outputs = parts.get("outputs")
     is_integrated = kind == "state" or parts.get("method") == "integration"
-    if (
-        (is_integrated or kind == "classical")
-        and isinstance(accuracy, TierIn)
-        and accuracy.tier == "certified"
-    ):
-        message = (
-            "the tier certified needs the quadrature of a planar motion; the most accurate one here is high"
-        )
-        yield Fault("/accuracy/tier", "tier_needs_quadrature", message)
     asked = outputs if isinstance(outputs, list) else []
     if kind in ("state", "classical") and "stability" in asked:
         message = f"stability is of planar motions; leave it out for a {kind} motion"

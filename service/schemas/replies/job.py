@@ -101,6 +101,10 @@ class ChunkJobOut(ResponseModel):
     created_at: datetime = Field(description="When it was queued, UTC.")
     started_at: datetime | None = Field(description="When the last attempt began.")
     finished_at: datetime | None = Field(description="When it came to its final state.")
+    host: str | None = Field(description="The host that computed its points; null if that is not known.")
+    provenance: int | None = Field(
+        description="Which of the `provenances` of its sweep that host has, from 0; null as `host`."
+    )
 
 
 class ChunkJobPageOut(ResponseModel):

@@ -5,9 +5,10 @@ from typing import Literal
 
 from pydantic import Field
 
+from service.dynamics.bounds import ErrorKind
 from service.schemas.replies.job import ClusterOut, StateName
 from service.schemas.replies.response_model import ResponseModel
-from service.schemas.replies.verdict import NoticeOut
+from service.schemas.replies.verdict import KnownCaseOut, NoticeOut
 
 
 class EstimateOut(ResponseModel):
@@ -96,6 +97,11 @@ class StabilityOut(ResponseModel):
     verdict: Literal["stable", "unstable", "marginal"] = Field(
         description="Against leaving its plane the motion is linearly `stable` if |trace| < 2, `unstable` if"
         " > 2, `marginal` if the error does not tell."
+    )
+    proof: Literal["theorem", "estimate"] | None = Field(
+        default=None,
+        description="`theorem`: the trace is enclosed by balls, and the verdict with it. Null for solutions"
+        " of earlier versions: an estimate.",
     )
     exponent: float = Field(description="Growth per unit time, log|μ| / T.")
     exponent_error: float = Field(description="Bound of the absolute error of the exponent.")
@@ -193,6 +199,13 @@ class SolutionOut(ResponseModel):
         " `quaternion`, `psi1` and `psi3`; empty without samples. Null for solutions of earlier"
         " versions."
     )
+    error_kind: dict[str, ErrorKind] | None = Field(
+        description="How each error is known, by the path of its number in this document: `theorem`: proved"
+        " by balls that contain every value; `estimate`: counted rounding by rounding and term by term, but"
+        " not proved; `difference`: independent computations were compared. `samples` are the six variables"
+        " at the asked times, `function` is the function of time that any others come from, `orientation`"
+        " the attitude. Null for solutions of earlier versions."
+    )
     cross_check: CrossCheckOut | None = Field(description="With the method `both`.")
     stability: StabilityOut | None = Field(
         description="If the outputs ask for it and the motion is periodic."
@@ -202,6 +215,9 @@ class SolutionOut(ResponseModel):
     )
     warnings: list[NoticeOut] = Field(description="Warnings about the solution; often empty.")
     conventions: list[str] = Field(description="Conventions chosen where the equations leave a choice.")
+    known_cases: list[KnownCaseOut] = Field(
+        description="Cases with names that the body and the field are; empty for those of earlier versions."
+    )
     evidence: dict[str, float | int | str] = Field(
         description="What the solver measured about itself. With a function of time also `defect`, a bound of"
         " what it leaves of the equations of motion, integrated; `drift`, the largest departure of the"

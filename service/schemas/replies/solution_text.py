@@ -58,20 +58,22 @@ def describe_problem(problem: Part) -> Iterator[str]:
 def describe_solution(summary: Part) -> Iterator[str]:
     """Yield the lines of a solution: its numbers with their error bounds."""
     yield f"method      {summary['method']}"
+    kinds = summary.get("error_kind") or {}
     period = summary["period"]
     if period is not None:
-        yield f"period      {_estimate(period)}"
+        yield f"period      {_estimate(period)}{_kind(kinds, 'period')}"
     if summary["aperiodic"] is not None:
         yield f"aperiodic   {summary['aperiodic']}"
         for when, end in (summary.get("asymptotes") or {}).items():
-            yield f"{when:<12}{_asymptote(end)}"
+            yield f"{when:<12}{_asymptote(end)}{_kind(kinds, f'asymptotes.{when}.time')}"
     energy = summary["energy"]
-    yield f"energy      {_estimate(energy)}"
+    yield f"energy      {_estimate(energy)}{_kind(kinds, 'energy')}"
     window = summary["window"]
     if window is not None:
         (lower, upper), (first, last) = window["ends"], window["g1"]
         yield f"window      {lower} to {upper}, g1 from {first:.12g} to {last:.12g}"
-    yield f"error       ≤ {summary['error']:.1e} in every variable at the sampled times"
+    everywhere = "in every variable at the sampled times"
+    yield f"error       ≤ {summary['error']:.1e} {everywhere}{_kind(kinds, 'samples')}"
     groups = {name: error["relative"] for name, error in (summary.get("errors") or {}).items()}
     if groups:
         parts = (f"{name} {error:.1e}" for name, error in groups.items() if error is not None)
@@ -81,14 +83,17 @@ def describe_solution(summary: Part) -> Iterator[str]:
         yield f"{name + ' drift':<18}{integral['drift']:.1e}{value}"
     stability = summary["stability"]
     if stability is not None:
-        yield f"stability   {stability['verdict']}, trace {stability['trace']!r} ± {stability['error']:.1e}"
+        trace = f"trace {stability['trace']!r} ± {stability['error']:.1e}"
+        yield f"stability   {stability['verdict']}, {trace}{_kind(kinds, 'stability')}"
     for name, angle in (summary.get("precession") or {}).items():
-        yield f"precession  {name} {angle['value']!r} ± {angle['error']:.1e} a period"
+        yield f"precession  {name} {_estimate(angle)} a period{_kind(kinds, f'precession.{name}')}"
     check, warnings = summary["cross_check"], summary.get("warnings") or []
     if check is not None and not any(warning["code"] == NO_CROSS_CHECK for warning in warnings):
         verdict = "agrees" if check["agrees"] else "DISAGREES"
         extent = f"within {check['disagreement']:.1e} up to t = {check['horizon']:.6g}"
         yield f"cross-check {verdict} with {check['method']} {extent}"
+    for case in summary.get("known_cases", ()):
+        yield f"known case  {case['name']} ({case['source']})"
     for convention in summary["conventions"]:
         yield f"convention  {convention}"
     for warning in warnings:
@@ -146,8 +151,13 @@ def _value(value: object) -> str:
 
 def _estimate(estimate: Part) -> str:
     if "radius" in estimate:
-        return f"{estimate['value']} ± {estimate['radius']} (proven)"
+        return f"{estimate['value']} ± {estimate['radius']}"
     return f"{estimate['value']!r} ± {estimate['error']:.1e}"
+
+
+def _kind(kinds: Part, path: str) -> str:
+    """Return how the error of a number is known; nothing of solutions of earlier versions."""
+    return f" ({kinds[path]})" if path in kinds else ""
 
 
 def _asymptote(end: Part) -> str:

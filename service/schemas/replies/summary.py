@@ -81,6 +81,7 @@ class StabilitySummary(TypedDict):
     multipliers: Sequence[Sequence[float]]
     multipliers_error: float
     verdict: str
+    proof: NotRequired[str]
     exponent: float
     exponent_error: float
     closed_form_trace: EstimateSummary | None
@@ -120,6 +121,13 @@ class CostSummary(TypedDict):
     examination_seconds: NotRequired[float]
 
 
+class KnownCaseSummary(TypedDict):
+    """A case that has a name, and who found it."""
+
+    name: str
+    source: str
+
+
 class SolutionSummary(TypedDict):
     """A solution without ids, labels and arrays; older ones lack what was added later."""
 
@@ -134,10 +142,12 @@ class SolutionSummary(TypedDict):
     invariants: Mapping[str, IntegralSummary] | None
     error: float
     errors: NotRequired[Mapping[str, GroupErrorSummary]]
+    error_kind: NotRequired[Mapping[str, str]]
     cross_check: CrossCheckSummary | None
     stability: StabilitySummary | None
     precession: PrecessionSummary | None
     conventions: Sequence[str]
+    known_cases: NotRequired[Sequence[KnownCaseSummary]]
     warnings: Sequence[NoticeSummary]
     evidence: Mapping[str, float | int | str]
     provenance: NotRequired[ProvenanceSummary]

@@ -7,6 +7,7 @@ from pydantic import Field
 
 from service.schemas.replies.job import StateName
 from service.schemas.replies.response_model import ResponseModel
+from service.schemas.replies.solution import ProvenanceOut
 
 
 class SweepStateOut(ResponseModel):
@@ -40,10 +41,21 @@ class SweepStateOut(ResponseModel):
     )
 
 
+class SweepProvenanceOut(ProvenanceOut):
+    """Version, numerics and machine that computed some points of a sweep, and the hosts that are so."""
+
+    hosts: list[str] = Field(description="Their names, in the order in which they brought a first chunk.")
+
+
 class SweepOut(SweepStateOut):
     """One sweep."""
 
     document: dict[str, object] = Field(description="The document as it was sent.")
+    provenances: list[SweepProvenanceOut] = Field(
+        description="What has computed its points. One: they have the bits of single jobs there. Several: the"
+        " hosts are unlike, and last digits may depend on which of them computed a point, within the claimed"
+        " errors. Chunks of earlier versions have none."
+    )
 
 
 class SweepPageOut(ResponseModel):

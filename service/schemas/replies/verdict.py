@@ -60,6 +60,26 @@ class FormulaOut(ResponseModel):
     window: int | None = Field(description="Number of the window whose motion it is; null: of none.")
 
 
+class KnownCaseOut(ResponseModel):
+    """A case of the heavy body that has a name."""
+
+    name: str = Field(
+        description="`euler`, `lagrange`, `kovalevskaya`, `goriachev_chaplygin` (integrable, the last on the"
+        " zero level of the areas), or `bobylev_steklov` (the motions with q = 0)."
+    )
+    source: str = Field(description="Who found it, and when.")
+
+
+class RatiosOut(ResponseModel):
+    """The ratios A/C for which the potential would be admissible, all of them, exactly."""
+
+    all: bool = Field(description="It is for every ratio but 1.")
+    ratios: list[str] = Field(description="Else those that are ratios of integers; often none.")
+    others: list[str] = Field(
+        description="Polynomials in A, for the C that was sent, whose positive roots are further values of A."
+    )
+
+
 class BallOut(ResponseModel):
     """mid ± rad, in decimals: the exact number is certainly inside."""
 
@@ -364,6 +384,7 @@ class VerdictOut(ResponseModel):
     evidence: EvidenceOut | None = Field(description="With proof `numeric`.")
     decomposition: DecompositionOut | None = Field(description="Of an admissible potential.")
     nearest: NearestOut | None = Field(description="Of a polynomial that is not admissible.")
+    ratios: RatiosOut | None = Field(description="Of a polynomial that is not admissible.")
     motions: list[MotionWindowOut] | None = Field(
         description="Every window of the motion that was sent; null if none was, or if there are no motions."
     )
@@ -380,5 +401,8 @@ class VerdictOut(ResponseModel):
     classical: ClassificationOut | None = Field(
         description="Of a state (a motion of the type state, with all moments) in a potential of the type"
         " gravity: the classical and integrable cases it lies on, or is near; else null."
+    )
+    known_cases: list[KnownCaseOut] = Field(
+        description="Those that the body and the field are, by exact conditions, however V is written."
     )
     warnings: list[NoticeOut] = Field(description="Warnings about the potential; often empty.")

@@ -96,6 +96,12 @@ _FAILURES = {
 }
 
 
+def _ratios(ratios: Sequence[str], others: Sequence[str]) -> str:
+    """Return for which moments a refused polynomial would be admissible."""
+    found = [f"A/C = {ratio}" for ratio in ratios] + [f"the roots A of {each}" for each in others]
+    return f"admissible  for {' and '.join(found) or 'no A/C'}"
+
+
 class Refusal(BaseModel):
     """The error of an examination, as the API would send it."""
 
@@ -111,10 +117,12 @@ class Refusal(BaseModel):
         if self.faults:
             return "\n".join(f"{f.pointer or '/'}: {f.message} ({f.code})" for f in self.faults)
         extras = dict(self.model_extra or {})
-        nearest = extras.pop("nearest", None)
+        nearest, ratios = extras.pop("nearest", None), extras.pop("ratios", None)
         evidence = [f"  {name}: {json.dumps(value)}" for name, value in extras.items()]
         if isinstance(nearest, dict):
             evidence.append(f"  {_nearest(nearest['expression'], nearest['relative_squared_distance'])}")
+        if isinstance(ratios, dict):
+            evidence.append(f"  {_ratios(ratios['ratios'], ratios['others'])}")
         return "\n".join([f"{self.code}: {self.detail}", *evidence])
 
 
@@ -173,6 +181,10 @@ def _lines(verdict: VerdictOut) -> Iterator[str]:
                 yield f"            {existence_sentence(verdict.existence)}"
         for window in verdict.motions:
             yield f"window {window.window:<4} {_window(window)}"
+    if verdict.ratios is not None:
+        yield _ratios(verdict.ratios.ratios, verdict.ratios.others)
+    for known in verdict.known_cases:
+        yield f"known case  {known.name} ({known.source})"
     if verdict.classical is not None:
         yield from describe_classification(verdict.classical)
 

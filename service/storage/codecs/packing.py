@@ -222,11 +222,14 @@ class ChunkPoints:
     """``t`` and functions of time by name, each of shape [points, samples]; NaN where a point has none."""
 
 
-def chunk_outcome(points: ChunkPoints, seconds: float) -> ChunkOutcome:
+def chunk_outcome(
+    points: ChunkPoints, seconds: float, source: Mapping[str, object] | None = None
+) -> ChunkOutcome:
     """Return the outcome of a chunk's computation."""
     count = len(points.outcomes)
-    solved = sum(outcome == SOLVED for outcome in points.outcomes)
-    return ChunkOutcome(count, count - solved, encode_points(points), bounds_of(points.numbers), seconds)
+    refused = sum(outcome != SOLVED for outcome in points.outcomes)
+    bounds = bounds_of(points.numbers)
+    return ChunkOutcome(count, refused, encode_points(points), bounds, seconds, source)
 
 
 def bounds_of(numbers: Mapping[str, FloatArray]) -> dict[str, tuple[float, float]]:

@@ -5,7 +5,7 @@ row first and its jobs afterwards: two transactions that lock them in different 
 would deadlock.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from sqlalchemy import Connection, bindparam, delete, func, literal_column, select, update
@@ -164,6 +164,7 @@ def begin_again(session: Session, sweep: SweepRow, claim: Claim, way: Way) -> No
     session.execute(delete(JobRow).where(*others).execution_options(synchronize_session=False))
     sweep.way, sweep.done, sweep.refused, sweep.point_seconds = way, 0, 0, None
     sweep.next_index = sweep.chunk_points = pilot(sweep.points, most).count
+    sweep.provenances = None
     session.flush()
     charge(session.connection(), sweep.key_id, -int(freed))
 
@@ -196,6 +197,7 @@ def _store(
             refused=outcome.refused,
             bounds={name: list(bounds) for name, bounds in outcome.bounds.items()},
             data=outcome.data,
+            **_noted_source(sweep, outcome.source),
         )
     )
     sweep.done += outcome.count
@@ -210,6 +212,30 @@ def _store(
     session.flush()
     charge(session.connection(), sweep.key_id, len(outcome.data))
     return rows
+
+
+def _noted_source(sweep: SweepRow, source: Mapping[str, object] | None) -> dict[str, object]:
+    """Return what a chunk stores of its source, after the sweep has noted what is new of it."""
+    if source is None:
+        return {}
+    provenance = {name: value for name, value in source.items() if name != "host"}
+    host = str(source.get("host"))
+    known = [{**each} for each in sweep.provenances or ()]
+    found = (k for k, each in enumerate(known) if {**each, "hosts": None} == {**provenance, "hosts": None})
+    place = next(found, len(known))
+    if place == len(known):
+        known.append({**provenance, "hosts": [host]})
+        sweep.provenances = known
+    elif host not in (hosts := _hosts(known[place])):
+        known[place]["hosts"] = [*hosts, host]
+        sweep.provenances = known
+    return {"host": host, "provenance": place}
+
+
+def _hosts(provenance: Part) -> list[object]:
+    hosts = provenance["hosts"]
+    assert isinstance(hosts, list)
+    return hosts
 
 
 def _top_up(session: Session, sweep: SweepRow, most: int) -> list[JobRow]:

@@ -5,8 +5,7 @@ from typing import Literal
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from service.jobs.cluster import ClusterState
-from service.jobs.kernels import Kernels
+from service.jobs.kernels import ClusterState, Kernels
 from service.local.worker_process import OtherHostError, WorkerProcess
 from service.storage.database.database import Database
 from service.storage.database.revisions import refuse_unknown

@@ -37,6 +37,8 @@ from service.storage.tables.base import table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
+_LONG = SweepRow.document, SweepRow.provenances
+"""Columns that lists of sweeps do not have."""
 _PAGE = 1000
 """Chunks whose descriptions are read at once."""
 
@@ -109,9 +111,7 @@ class SweepStore:
         """Return one page of the sweeps that match; only the wanted columns of them, if there are any."""
         with self._database.search() as session:
             found = find(session, OF_SWEEP_ROWS, query)
-            rows = (
-                [] if query.columns else rows_of_page(session, SweepRow, found.ids, defer(SweepRow.document))
-            )
+            rows = [] if query.columns else rows_of_page(session, SweepRow, found.ids, *map(defer, _LONG))
             return SweepPage(tuple(_progress(session, rows)), found.total, found.values, found.next)
 
     def annotate(self, sweep_id: str, change: Callable[[SweepRecord], Annotation]) -> SweepRecord:
@@ -166,6 +166,15 @@ class SweepStore:
             found = {row.first: row.data for row in session.execute(statement)}
         return [found[first] for first in firsts]
 
+    def sources(self, sweep_id: str, firsts: Sequence[int]) -> dict[int, tuple[str | None, int | None]]:
+        """Return the host, and the place of its provenance, of the stored chunks that begin at ``firsts``."""
+        columns = SweepChunkRow.first, SweepChunkRow.host, SweepChunkRow.provenance
+        here = SweepChunkRow.sweep_id == sweep_id, SweepChunkRow.first.in_(firsts)
+        with self._database.read() as session:
+            return {
+                first: (host, place) for first, host, place in session.execute(select(*columns).where(*here))
+            }
+
 
 def _row(session: Session, sweep_id: str) -> SweepRow:
     row = session.get(SweepRow, sweep_id) if is_id(sweep_id) else None
@@ -190,7 +199,7 @@ def _bounds(stored: Part) -> dict[str, tuple[float, float]]:
 def _record(session: Session, row: SweepRow) -> SweepRecord:
     (progress,) = _progress(session, [row])
     known = {each.name: getattr(progress, each.name) for each in fields(progress)}
-    return SweepRecord(**known, document=row.document)
+    return SweepRecord(**known, document=row.document, provenances=row.provenances or ())
 
 
 def _progress(session: Session, rows: Sequence[SweepRow]) -> Iterator[SweepProgress]:

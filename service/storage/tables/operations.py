@@ -48,7 +48,7 @@ class WorkerRow(Base):
     kernels: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
     """How far they are compiled, see :class:`service.jobs.kernels.Kernels`; null: there is nothing to do."""
     cluster: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
-    """The cluster on which it computes, a :class:`service.jobs.cluster.ClusterState`; null: by children."""
+    """The cluster on which it computes, a :class:`service.jobs.kernels.ClusterState`; null: by children."""
 
 
 class IdempotencyKeyRow(Base):

@@ -1,6 +1,6 @@
 """The tables of sweeps and of their computed points."""
 
-from sqlalchemy import JSON, BigInteger, CheckConstraint, ForeignKey, Index, String, Uuid
+from sqlalchemy import JSON, BigInteger, CheckConstraint, ForeignKey, Index, SmallInteger, String, Uuid
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.records import JobState
@@ -48,6 +48,8 @@ class SweepRow(Base):
         default=DatabaseNow(), onupdate=DatabaseNow(), server_default="0"
     )
     """When anything of it was last written: see :mod:`..jobs.changes`."""
+    provenances: Mapped[list[Document] | None] = mapped_column(JSON(none_as_null=True))
+    """Origins of its chunks: each provenance of a solution once, with the names of its ``hosts``."""
 
 
 class SweepChunkRow(Base):
@@ -65,3 +67,6 @@ class SweepChunkRow(Base):
     bounds: Mapped[Document]
     """{number: [smallest, largest]} of the kept numbers: a filter skips chunks without reading them."""
     data: Mapped[bytes]
+    host: Mapped[str | None] = mapped_column(String(255))
+    provenance: Mapped[int | None] = mapped_column(SmallInteger)
+    """Its place among the provenances of its sweep; null where that is not known, as of older ones."""

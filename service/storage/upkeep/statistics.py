@@ -14,8 +14,7 @@ from dataclasses import dataclass, field
 from sqlalchemy import ColumnElement, case, func, or_, select, text
 from sqlalchemy.orm import Session
 
-from service.jobs.cluster import ClusterState
-from service.jobs.kernels import Kernels, most_missing
+from service.jobs.kernels import ClusterState, Kernels, most_missing
 from service.jobs.records import FINISHED, AttemptOutcome, JobState
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now

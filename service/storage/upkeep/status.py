@@ -12,8 +12,7 @@ from itertools import pairwise
 from sqlalchemy import case, func, select
 from sqlalchemy.orm import Session
 
-from service.jobs.cluster import ClusterState
-from service.jobs.kernels import Kernels
+from service.jobs.kernels import ClusterState, Kernels
 from service.jobs.records import FINISHED, AttemptOutcome, JobState
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant

@@ -6,7 +6,7 @@ from dataclasses import asdict
 import pytest
 from sqlalchemy import update
 
-from service.jobs.cluster import ClusterState, LeftOut
+from service.jobs.kernels import ClusterState, LeftOut
 from service.local.worker_process import WorkerProcess
 from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.tables.base import DatabaseNow

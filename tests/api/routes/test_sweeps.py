@@ -1,14 +1,18 @@
 """/v1/sweeps: submit, list, show and cancel sweeps."""
 
+import io
+import json
 from itertools import product
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from service.app import create_app
 from service.settings import Settings
 from tests.support.api import TestClient
 from tests.support.sweeps import BASE, POINTS, SWEEP, finish_chunk, finish_sweep, is_refused
+from tests.workers.chores import SOURCE
 
 pytestmark = pytest.mark.any_database
 
@@ -47,6 +51,34 @@ def test_its_numbers_grow_until_it_has_succeeded(client, jobs, sweep):
     assert done["refused"] == np.count_nonzero(is_refused(np.arange(POINTS)))
     assert done["remaining_seconds"] is None
     assert done["finished_at"] is not None
+
+
+def test_it_tells_what_computed_its_points(client, jobs, sweep):
+    old, new = ({**SOURCE, "processor": name} for name in ("old", "new"))
+    asked = [{**old, "host": "a"}, {**new, "host": "b"}, {**old, "host": "c"}, {**old, "host": "a"}, None]
+    place, told = f"/v1/sweeps/{sweep['id']}", {}
+    for source in asked:
+        claim = jobs.claim("bridge", lease_seconds=60.0)
+        finish_chunk(jobs, claim, source=source)
+        told[claim.job_id] = source
+    # Each provenance once, however many hosts have it.
+    (first, second) = client.get(place).json()["provenances"]
+    names = {name: None for name in SOURCE if name != "host"}
+    assert first == {**{name: old[name] for name in names}, "hosts": ["a", "c"]}
+    assert second == {**{name: new[name] for name in names}, "hosts": ["b"]}
+    done = client.get(f"{place}/jobs", params={"where": "state=succeeded"}).json()["items"]
+    assert {each["id"]: (each["host"], each["provenance"]) for each in done} == {
+        job: (None, None) if source is None else (source["host"], int(source["processor"] == "new"))
+        for job, source in told.items()
+    }
+    graph = client.get(f"{place}/provenance").json()
+    agents = {each["prov:label"] for each in graph["agent"].values()}
+    assert agents == {"a", "b", "c", f"polhode {SOURCE['version']}", SOURCE["libraries"]}
+    assert [each["polhode:processor"] for each in graph["activity"].values()] == ["old", "new"]
+    finish_sweep(jobs)
+    file = client.get(f"{place}/points", params={"format": "parquet"}).content
+    about = json.loads(pq.read_schema(io.BytesIO(file)).metadata[b"polhode.provenance"])
+    assert about["computed_by"] == [first, second]
 
 
 def test_sweeps_are_listed_newest_first_without_their_documents(client, sweep):

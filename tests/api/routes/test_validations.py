@@ -166,6 +166,7 @@ def test_a_state_needs_no_verdict_and_its_solution_is_found_again(client, jobs):
     found = validated(client, STATE)
     assert (found["verdict"], found["proof"], found["motions"]) == (None, None, None)
     assert (found["plan"]["method"], found["plan"]["window"]) == ("integration", None)
+    assert found["known_cases"] == []
     client.post("/v1/jobs", json=STATE)
     solution = finish(jobs).solution_id
     assert validated(client, STATE)["plan"]["solution"] == solution

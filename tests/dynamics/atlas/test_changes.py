@@ -10,7 +10,7 @@ from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.body import EqualMomentsError
 from service.schemas.atlas.reading import read_atlas
-from tests.support.effort import examples
+from tests.support.effort import examples, one_in
 from tests.support.planar import body, formula
 
 DOUBLE, MIRRORED = body(2, 1), body(1, 2)
@@ -154,7 +154,7 @@ def windows_at(A, C, potential, lambdas):
 
 
 @pytest.mark.random_law
-@pytest.mark.parametrize(("A", "C", "given"), SCANNED, ids=str)
+@pytest.mark.parametrize(("A", "C", "given"), one_in(3, SCANNED), ids=str)
 def test_no_change_is_missed_or_invented(A, C, given):
     """The number of zeros that the scan sees is that of the atlas at every λ, but next to the changes.
 

@@ -126,7 +126,7 @@ def test_a_jump_between_pieces_is_in_the_claim(motion, size):
 
 def test_another_energy_is_seen_without_any_defect(motion):
     """A motion of the same equations with a slightly other energy has no defect, but it drifts."""
-    other = replace(motion, energy=Estimate(motion.energy.value + 1e-7, motion.energy.error))
+    other = replace(motion, energy=replace(motion.energy, value=motion.energy.value + 1e-7))
     found = shown(other)
     assert found.drift >= 0.99e-7
     # The gradient of the energy is below 2 + 2 + 1 in any sum of its parts.
@@ -154,8 +154,8 @@ def test_no_bound_lets_what_is_not_finite_pass(motion, value):
     not_finite = [
         shown(motion, claim=value),
         shown(motion, dense=replace(motion.dense, breaks=breaks)),
-        shown(replace(motion, energy=Estimate(value, energy.error))),
-        shown(replace(motion, energy=Estimate(energy.value, value))),
+        shown(replace(motion, energy=replace(energy, value=value))),
+        shown(replace(motion, energy=replace(energy, error=value))),
     ]
     assert not any(is_within(found.error, 1.0) for found in not_finite)
     for column in range(6):
@@ -172,7 +172,7 @@ def held(text, state, off, claim=1e-9):
     areas = equations_of(text).at(samples)[1][0]
     samples[0, 1] = -areas[1] / (1.5 * state[4])
     energy = float(equations_of(text).at(samples)[1][0, 0])
-    return check_samples(BODY, formula(text), samples, claim, Estimate(energy + off, 0.0))
+    return check_samples(BODY, formula(text), samples, claim, Estimate(energy + off, 0.0, "estimate"))
 
 
 def equations_of(text):

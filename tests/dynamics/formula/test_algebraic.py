@@ -59,7 +59,24 @@ def test_sums_of_square_roots_that_agree_in_many_digits_differ():
         assert is_zero(f"(sqrt({n})+sqrt({n + 2}))^2-2*{n}-2-2*sqrt({n}*{n + 2})")
 
 
-@pytest.mark.parametrize("text", ["exp(2)-exp(1)^2", "sin(1)^2+cos(1)^2-1", "pi-pi*exp(1)/exp(1)"])
+OF_THE_FIELD = (
+    "pi-pi*exp(1)/exp(1)",
+    "exp(sin(1/3))*(1+sin(1/3))-exp(sin(1/3))-sin(1/3)*exp(sin(1/3))",
+    "exp(log(2)-1/3+1/3)-2",
+    "log(exp(sqrt(2)/3))*3-sqrt(2)",
+    "sqrt(2)*pi-pi*sqrt(2)",
+    "(pi+exp(1))^2-pi^2-2*pi*exp(1)-exp(1)*exp(1)",
+    "tan(log(3))*sqrt(pi)-sqrt(pi)*tan(log(3))",
+)
+
+
+@pytest.mark.parametrize("text", OF_THE_FIELD)
+def test_numbers_made_of_functions_are_zero_by_the_rules_of_the_field(text):
+    assert is_zero(text)
+    assert not is_zero(f"({text})+1/2^30")
+
+
+@pytest.mark.parametrize("text", ["exp(2)-exp(1)^2", "sin(1)^2+cos(1)^2-1", "log(6)-log(2)-log(3)"])
 def test_transcendental_numbers_are_not_proved_zero(text):
     with pytest.raises(NotAlgebraicError):
         is_zero(text)

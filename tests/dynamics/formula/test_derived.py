@@ -58,7 +58,7 @@ def evaluated(tape, derivation, place):
 @pytest.mark.parametrize("tape", list(tapes()))
 def test_derived_programs_equal_jets(tape, place):
     with ctx.workprec(BITS):
-        point = g1, _, g3 = [arb(each) for each in place]
+        point = g1, g2, g3 = [arb(each) for each in place]
         jets = SecondOrderJets(BallAlgebra(), 3)
         jet = tape.evaluate(jets, jets.variables(point))
         rows = jets.hessian(jet)
@@ -66,9 +66,17 @@ def test_derived_programs_equal_jets(tape, place):
         expected = [jet.value, V_1, V_2, V_3, *(rows[i][j] for i in range(3) for j in range(i, 3))]
         assert_alike(evaluated(tape, derived.second_order, point), expected)
         assert_alike(evaluated(tape, derived.gradient, point), expected[:4])
+        assert_alike(evaluated(tape, derived.slopes, point), expected[1:4])
         assert_alike(evaluated(tape, derived.value, point), expected[:1])
         turn = evaluated(tape, derived.turn, point)
         assert_alike(evaluated(tape, derived.value_and_turn, point), [jet.value, *turn])
+        across = evaluated(tape, derived.across, point)
+        # By the chain rule from the second derivatives; no infinite part may be missing in both.
+        bend = g3**2 * rows[0][0] - 2 * g1 * g3 * rows[0][2] + g1**2 * rows[2][2] - g1 * V_1 - g3 * V_3
+        by_first, by_third = g1 * (g1 * V_2 - g2 * V_1), g3 * (g2 * V_3 - g3 * V_2)
+        for one, other in zip(across, (turn[0], bend, by_first, by_third), strict=True):
+            assert one.overlaps(other)
+            assert one.is_finite() or not other.is_finite()
         # By another route: the parts of D may be infinite where D is not, and D has a bound where they have.
         D = g1 * V_3 - g3 * V_1
         assert turn[0].overlaps(D)

@@ -32,6 +32,12 @@ def verdict(potential, body):
     return found
 
 
+def test_a_verdict_says_which_known_case_its_problem_is():
+    found = verdict({"type": "gravity", "a": -1}, {"A": 2, "B": "3/2", "C": 1})
+    assert [each["name"] for each in found["known_cases"]] == ["bobylev_steklov"]
+    assert found["ratios"] is None
+
+
 def expression(text):
     return {"type": "expression", "expression": text}
 
@@ -39,6 +45,19 @@ def expression(text):
 THREE = {"A": 3, "C": 1}
 DOUBLE = {"A": 2, "C": 1}
 GENERAL = {"type": "general", "G": "0", **{f"F_{q}": f"{k}*w" for k, q in enumerate(sorted(QUADRANTS))}}
+
+
+@pytest.mark.parametrize(
+    ("potential", "ratios"),
+    [
+        ({"type": "gravity", "a": -1}, {"all": False, "ratios": ["2"], "others": []}),
+        (expression("(A*g1^2 + 2*C*g3^2)*g2"), {"all": False, "ratios": [], "others": []}),
+        (expression("(2*g1^2 + A*g3^2)*g2"), {"all": False, "ratios": [], "others": ["A^2 - 2"]}),
+        (expression("sqrt(2 + g1)"), None),
+    ],
+)
+def test_a_verdict_says_for_which_moments_a_polynomial_would_be_admissible(potential, ratios):
+    assert verdict(potential, THREE)["ratios"] == ratios
 
 
 @pytest.mark.parametrize(

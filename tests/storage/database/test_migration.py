@@ -1,5 +1,6 @@
 """The migrated schema is the one that the code expects."""
 
+import re
 import sqlite3
 import subprocess
 import sys
@@ -73,8 +74,9 @@ def parts_of(engine):
 
 
 def lines_of(statement):
-    """Return the lines of a statement: the constraints of a table come in any order."""
-    return sorted(line.strip(" \t,;") for line in statement.splitlines())
+    """Return the parts of a statement: columns that were added, and constraints, come in any order."""
+    parts = re.split(r",(?![^()]*\))|\n", statement)
+    return sorted(stripped for part in parts if (stripped := part.strip(" \t;")))
 
 
 @pytest.mark.parametrize(("starved", "index"), [((), "ix_jobs_queue"), ((Lane.SWEEP,), "ix_jobs_lanes")])

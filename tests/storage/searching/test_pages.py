@@ -22,12 +22,12 @@ from tests.storage.searching.rows import (
     subject_of,
     value_of,
 )
-from tests.support.effort import examples
+from tests.support.effort import each_once, examples
 
 EMPTY = {"invariants": {}}
 
 on_a_database = settings(
-    max_examples=examples(20, 300), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(10, 300), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 
@@ -110,11 +110,10 @@ def test_a_page_does_not_depend_on_how_its_rows_are_found(database, monkeypatch,
             assert list(ask(database, query).ids) == expected(made, query)
 
 
-@pytest.mark.parametrize("few", [0, 1000])
-@pytest.mark.parametrize("is_descending", [False, True])
-@pytest.mark.parametrize(
-    "where",
-    ["label.project=thesis", "label.project=thesis,label.run in (0,1)", "label.project=thesis,energy>0",
+@each_once(
+    few=[0, 1000],
+    is_descending=[False, True],
+    where=["label.project=thesis", "label.project=thesis,label.run in (0,1)", "label.project=thesis,energy>0",
      "label.run=0,label.project=thesis", "label.project!=thesis", "label.run is null,label.project=thesis"],
 )  # fmt: skip
 def test_pages_in_the_order_of_time_are_read_from_the_index_of_labels(

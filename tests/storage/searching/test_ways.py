@@ -26,7 +26,7 @@ from tests.storage.searching.rows import (
     store,
     subject_of,
 )
-from tests.support.effort import examples
+from tests.support.effort import each_once, examples
 
 # Values tie in half of the rows; a second column, that may have no index, follows.
 led_orders = st.tuples(
@@ -72,7 +72,7 @@ def test_every_way_finds_the_same_pages(database, way, found, asked):
 
 @given(rows, rows)
 @settings(
-    max_examples=examples(10, 100), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(6, 100), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_numbers_come_and_go_with_their_solutions(database, before, found):
     store(database, before)
@@ -161,8 +161,7 @@ def test_a_page_is_read_in_one_index_and_no_row_is_where_it_has_all(
     assert "COVERING INDEX" in last or (index == "solution_numbers" and "solutions" not in last)
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("order", ["/potential/parameters/a", "energy"])
+@each_once(way=list(WAYS), order=["/potential/parameters/a", "energy"])
 def test_what_no_index_tells_of_a_number_is_tested_beside_what_one_does(database, way, order):
     """A number that is collected from its own table may have a condition that is not."""
     problems = [{"potential": {"parameters": {"a": n}, "b": [n % 4]}} for n in range(40)]

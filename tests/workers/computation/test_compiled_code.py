@@ -199,7 +199,7 @@ def test_a_change_of_one_module_changes_the_address_of_what_depends_on_it_only(t
 
 
 def test_a_frozen_value_is_part_of_the_address(monkeypatch):
-    module = importlib.import_module(f"{PACKAGE}.shown.stretches")
+    module = importlib.import_module(f"{PACKAGE}.residual.nodes")
     # It comes from a module that has no kernels, whose source is no part of the address.
     assert "DEFAULT_INTERVALS" in vars(module)
     before = stamp.__wrapped__(module.__name__)

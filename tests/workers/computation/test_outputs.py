@@ -2,11 +2,13 @@
 
 import json
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
 from service.jobs.records import Refused, Solved
+from service.schemas.replies.solution_text import describe_solution
 from service.storage.codecs.packing import decode_arrays
 from workers.computation.compute import solve_document
 
@@ -34,6 +36,12 @@ def test_nothing_is_computed_that_is_not_asked():
     assert [summary[name] for name in ("invariants", "stability", "precession", "warnings")] == [None] * 3 + [
         []
     ]
+
+
+def test_a_solution_says_which_known_case_its_problem_is():
+    summary = solve("-g1", outputs=()).summary
+    assert [each["name"] for each in summary["known_cases"]] == ["kovalevskaya", "bobylev_steklov"]
+    assert "known case  kovalevskaya (S. Kovalevskaya, 1889)" in list(describe_solution(summary))
 
 
 @pytest.mark.parametrize("method", ["auto", "integration"])
@@ -148,3 +156,51 @@ def test_a_job_that_ends_where_p_squared_is_infinite_says_when():
     assert isinstance(refused, Refused)
     assert refused.error["code"] == "motion_ended"
     assert "0.36400041829365" in refused.error["detail"]
+
+
+def bounded(document, path=""):
+    """Yield the paths of all numbers of a document that have an error or a radius beside them."""
+    if isinstance(document, dict):
+        if {"value", "error"} <= set(document) or {"value", "radius"} <= set(document):
+            yield path
+        for name, part in document.items():
+            yield from bounded(part, f"{path}.{name}" if path else name)
+
+
+@pytest.mark.parametrize(
+    ("potential", "motion", "fields", "known"),
+    [
+        ("-g1", NU_1, {}, {"samples": "estimate", "energy": "theorem", "stability": "estimate"}),
+        ("-g1", NU_1, {"accuracy": {"tier": "certified"}}, {"samples": "theorem", "period": "theorem"}),
+        # Doubles do not keep 1e-15: the samples are rounded enclosures, the function of time is not.
+        ("-g1", NU_1, {"accuracy": {"tolerance": 1e-15}}, {"samples": "theorem", "function": "estimate"}),
+        ("-g1", NU_1, {"method": "integration"}, {"samples": "difference", "energy": "estimate"}),
+        ("-g1 + 1/20/g3^2", NU_1, {}, {"precession.psi1": "theorem", "precession.psi3": "theorem"}),
+        # A double zero is approached like an exponential, whose rate is seen in two places.
+        (
+            "-g1 + (1+sqrt(5))/4*(g1^2-g2^2)",
+            {**NU_1, "start": {"g1": "0.3"}},
+            {},
+            {"asymptotes.future.rate": "difference", "samples": "estimate"},
+        ),
+    ],
+)
+def test_every_error_says_how_it_is_known(potential, motion, fields, known):
+    outputs = ("stability", *(["orientation"] if "precession.psi1" in known else []))
+    summary = solve(potential, motion, outputs, **fields).summary
+    kinds = summary["error_kind"]
+    assert {**kinds, **known} == kinds
+    assert set(bounded(summary)) <= set(kinds)
+    assert ("stability" in kinds) == (summary["stability"] is not None)
+    assert summary["stability"] is None or summary["stability"]["proof"] == kinds["stability"]
+
+
+def test_a_period_that_is_a_theorem_is_within_a_narrower_theorem():
+    exact = {"tier": "certified", "bits": 333}
+    proven = solve("-g1 + 1/20/g3^2", outputs=(), accuracy=exact).summary
+    told = solve("-g1 + 1/20/g3^2", outputs=(), accuracy={"tolerance": 1e-15}).summary
+    assert told["error_kind"]["energy"] == "theorem"
+    for name in ("period", "energy"):
+        middle, radius = (Fraction(proven[name][part]) for part in ("value", "radius"))
+        apart = abs(Fraction(repr(told[name]["value"])) - middle)
+        assert apart <= Fraction(told[name]["error"]) + radius

@@ -1,7 +1,7 @@
 import pytest
 
 from service.sandbox import Sandbox
-from tests.support.dask_cluster import Cluster
+from tests.support.dask_cluster import Cluster, Network
 from tests.workers.chores import CHORES, TASKS
 from tests.workers.process.together import LIMITS
 from tests.workers.processes import wait_until
@@ -30,7 +30,7 @@ def connected():
     """Connect to clusters, and wait until they have so many places."""
     pools = []
 
-    def connect(cluster: Cluster, *, places: int = 1, silent_seconds: float = 3600.0) -> DaskPool:
+    def connect(cluster: Cluster | Network, *, places: int = 1, silent_seconds: float = 3600.0) -> DaskPool:
         terms = {"memory_mb": LIMITS.memory_mb, "silent_seconds": silent_seconds}
         pools.append(DaskPool(cluster.address, TASKS.name, **terms))
         wait_until(lambda: pools[-1].places() >= places)

@@ -3,29 +3,27 @@
 import contextlib
 import json
 import os
-import random
 import signal
 import subprocess
 import sys
-from collections import Counter
-from pathlib import Path
 
+import numpy as np
 import pytest
 from distributed import Client
-from sqlalchemy import text
 
 from service.jobs.records import AttemptOutcome, JobKind, JobState
+from service.local.worker_process import this_host
 from service.sandbox import Sandbox, SandboxCrashError
-from service.storage.codecs.packing import decode_points
-from service.storage.inspection.inspect import inspect
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome, decode_points
 from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.sweeps.sweep_store import SweepStore
-from tests.support.dask_cluster import Cluster, kill_group
-from tests.support.effort import examples
+from tests.support.dask_cluster import Cluster, Network, kill_group
+from tests.workers.chores import SOURCE
 from tests.workers.process.together import LIMITS
-from tests.workers.processes import ROOT, Worker, wait_until
+from tests.workers.processes import ROOT, wait_until
 from workers.process.cluster import DaskPool
 from workers.process.dask_worker import TOPIC
+from workers.process.messages import MessageError, outcomes_in, pack_outcomes, unpack
 from workers.process.pool import ChildrenPool, ReturnedError
 from workers.process.tasks import TASKS
 
@@ -75,6 +73,8 @@ def test_a_bridge_computes_jobs_and_sweeps_and_says_where(
     )
     points = [decode_points(data) for data in sweeps.data(sweep.id, [chunk.first for chunk in chunks])]
     assert [value for found in points for value in found.numbers["period"]] == list(range(300))
+    provenance = {name: value for name, value in SOURCE.items() if name != "host"}
+    assert sweeps.get(sweep.id).provenances == [{**provenance, "hosts": [SOURCE["host"]]}]
     registry = WorkerRegistry(database, lease_seconds=10.0)
     (cluster,) = wait_until(lambda: [each for each in registry.clusters() if each.workers == 2])
     assert (cluster.scheduler, cluster.is_connected, cluster.threads) == (str(own_cluster.file), True, 2)
@@ -148,6 +148,27 @@ def test_a_worker_that_is_silent_is_given_up_and_used_again_when_it_goes_on(own_
     wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in begun(log)))  # noqa: PTH110
 
 
+def test_a_network_that_stalls_costs_nobody_an_attempt(own_cluster, connected, tmp_path):
+    network, log = Network(own_cluster.address), tmp_path / "log"
+    with contextlib.closing(network):
+        pool = connected(network, places=2, silent_seconds=5.0)
+        batches = [start(pool, {"chore": "sleep", "seconds": HOUR, "log": str(log)}) for _ in range(2)]
+        wait_until(lambda: all(batch.begun == 1 for batch in batches))
+        network.stall()
+        wait_until(lambda: all(batch.has_ended for batch in batches))
+        for batch in batches:
+            with pytest.raises(ReturnedError):
+                batch.outcomes()
+        assert not pool.cluster().is_connected
+        network.resume()
+        wait_until(lambda: pool.cluster().workers == 2)
+        wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in begun(log)))  # noqa: PTH110
+        after = start(pool, {})
+        wait_until(lambda: after.has_ended)
+        assert len(after.outcomes()) == 1
+        pool.close()
+
+
 def test_a_worker_that_retires_costs_nobody_an_attempt(own_cluster, connected, tmp_path):
     pool, log = connected(own_cluster, places=2), tmp_path / "log"
     batches = [start(pool, {"chore": "sleep", "seconds": HOUR, "log": str(log)}) for _ in range(2)]
@@ -208,6 +229,24 @@ def test_a_scheduler_that_is_started_anew_costs_nobody_an_attempt(own_cluster, c
     assert len(after.outcomes()) == 1
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"host": "h" * 256}, {"way": "its own"}, {"numerics": "12"}, {"hosts": []}, {"processor": "x" * 5000},
+    ],
+)  # fmt: skip
+def test_a_source_that_is_none_is_refused(change):
+    assert read_back(SOURCE).source == SOURCE
+    with pytest.raises(MessageError):
+        read_back({**SOURCE, **change})
+
+
+def read_back(source):
+    outcome = chunk_outcome(ChunkPoints([SOLVED], {"period": np.ones(1)}), 1.0, source)
+    data = pack_outcomes({"begun": 1, "seconds": 1.0}, [outcome])
+    return outcomes_in(unpack(data), JobKind.CHUNK, 1)[0]
+
+
 @pytest.mark.long
 def test_a_cluster_computes_the_bits_of_children_here(tmp_path):
     problem = json.loads((ROOT / "examples" / "first.json").read_text())
@@ -237,76 +276,10 @@ def test_a_cluster_computes_the_bits_of_children_here(tmp_path):
         each["provenance"].pop("threads")  # the fork server of tests has not been told to use one
     assert told_there == told
     assert (points_there.data, points_there.bounds) == (points.data, points.bounds)
-
-
-STORMS = examples(10, 60)
-"""Kills of one storm."""
-
-
-@pytest.mark.long
-def test_a_storm_loses_nothing_and_doubles_nothing(database, jobs, url, tmp_path):
-    """The scheduler, the bridge, Dask's workers, nannies, children, and what is between are killed."""
-    chance = random.Random(20261126)
-    folder = tmp_path / "cluster"
-    folder.mkdir()
-    cluster, sweeps = Cluster(folder, workers=2, nannies=True), SweepStore(database)
-    submitted = [jobs.submit({"chore": "sleep", "seconds": 0.05, "number": k}, str(k)) for k in range(300)]
-    sweep = sweeps.submit({"seconds": 0.02, "pause": 0.1}, points=3000, most=30)
-    terms = {"pool": "dask", "dask_scheduler": cluster.address, "max_attempts": 1000, "lease_seconds": 3.0}
-    bridge, killed = Worker(url, **terms), Counter()
-
-    def strike():
-        victim = chance.choice(["bridge", "scheduler", *["some process"] * 6])
-        if victim == "bridge":
-            bridge.kill()
-        elif victim == "scheduler":
-            kill_group(cluster.scheduler)
-        elif found := [each for each in processes_in(folder) if each != cluster.scheduler.pid]:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(chance.choice(found), signal.SIGKILL)
-        killed[victim] += 1
-
-    try:
-        while killed.total() < STORMS:
-            strike()
-            if bridge.process.poll() is not None:
-                bridge.clean_up()
-                bridge = Worker(url, **terms)
-            if cluster.scheduler.poll() is not None:
-                cluster.start_scheduler()
-            for worker in [each for each in cluster.workers if each.poll() is not None]:
-                cluster.workers.remove(worker)
-                cluster.start_worker()
-            pause = chance.uniform(0.0, 3.0)
-            with contextlib.suppress(AssertionError):  # the calm in which some work is done
-                wait_until(lambda: all(each.is_finished for each in map(jobs.get, ids_of(submitted))), pause)
-        wait_until(lambda: all(jobs.get(job.id).is_finished for job in submitted))
-        wait_until(lambda: sweeps.get(sweep.id).finished_at is not None)
-        assert bridge.terminate() == 0
-    finally:
-        bridge.clean_up()
-        cluster.close()
-    assert [outcomes(jobs, job).count(AttemptOutcome.SUCCEEDED) for job in submitted] == [1] * len(submitted)
-    with database.read() as session:
-        assert session.execute(text("SELECT count(*) FROM solutions")).scalar_one() == len(submitted)
-    chunks = list(sweeps.chunks(sweep.id))
-    assert [k for each in chunks for k in range(each.first, each.first + each.count)] == list(range(3000))
-    assert [finding.code for finding in inspect(database) if finding.broken] == []
-    wait_until(lambda: not processes_in(folder))
-
-
-def ids_of(submitted):
-    return [job.id for job in submitted]
-
-
-def processes_in(folder):
-    """Everything of a cluster, the processes that only its workers know among them, works in its folder."""
-    found = []
-    for each in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            if (each / "cwd").readlink() == folder:
-                found.append(int(each.name))
-    return found
+    # Solutions and points of one host tell the same of it.
+    for solution, chunk in ((solved, points), (solved_there, points_there)):
+        named = {**solution.summary["provenance"], "host": this_host()}
+        assert chunk.source == {**named, "threads": chunk.source["threads"]}
 
 
 REFUSING = """

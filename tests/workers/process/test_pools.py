@@ -10,6 +10,7 @@ import pytest
 from service.jobs.records import JobKind, Refused, Solved
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.codecs.packing import decode_points
+from tests.workers.chores import SOURCE
 from tests.workers.processes import wait_until
 
 pytestmark = pytest.mark.parametrize("pool", ["local", "dask"], indirect=True)
@@ -56,6 +57,7 @@ def test_a_chunk_has_the_bits_that_were_computed(pool):
     assert outcome.seconds == 0.1 * 3
     columns = decode_points(outcome.data)
     assert np.array_equal(columns.numbers["period"], [7.0, 8.0, 9.0])
+    assert outcome.source == SOURCE
 
 
 def test_a_single_call_tells_its_own_fault(pool):

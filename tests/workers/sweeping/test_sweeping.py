@@ -14,6 +14,7 @@ from service.schemas.sweep.sweep import kept_numbers
 from service.storage.codecs.packing import SOLVED, decode_arrays, decode_points
 from service.verdicts import cached
 from service.verdicts.examination import examine_document
+from tests.support.effort import one_in
 from workers.computation.compute import solve_checked
 from workers.sweeping import chunk, states
 from workers.sweeping.chunk import compute_chunk
@@ -665,7 +666,9 @@ def alone(swept, index):
 
 
 @pytest.mark.usefixtures("no_hurry")
-@pytest.mark.parametrize("name", [*IN_BLOCKS, *IN_MOVING, *IN_SLICES, *OF_STATES, *ONE_BY_ONE])
+@pytest.mark.parametrize(
+    "name", [*one_in(2, IN_BLOCKS), *one_in(2, [*IN_MOVING, *IN_SLICES, *OF_STATES, *ONE_BY_ONE])]
+)
 def test_every_bit_of_a_point_is_that_of_its_job(name):
     document = {**IN_BLOCKS, **IN_MOVING, **IN_SLICES, **OF_STATES, **ONE_BY_ONE}[name]
     swept = read_sweep(document)
@@ -685,7 +688,7 @@ def test_every_bit_of_a_point_is_that_of_its_job(name):
 
 
 @pytest.mark.usefixtures("no_hurry")
-@pytest.mark.parametrize("name", IN_BLOCKS)
+@pytest.mark.parametrize("name", one_in(2, IN_BLOCKS))
 def test_a_sweep_that_says_so_goes_in_blocks(name, monkeypatch):
     document = IN_BLOCKS[name]
     assert make_plan(read_sweep(document)).compiled is not None

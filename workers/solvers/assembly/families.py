@@ -28,6 +28,7 @@ from typing import Protocol
 
 from flint import arb
 
+from service.dynamics.bounds import ErrorKind
 from service.dynamics.motion import Estimate, Motion
 from service.dynamics.problem import Problem
 from service.dynamics.reduction.geometry.loop import Loop
@@ -128,7 +129,9 @@ def energy_of(loop: Loop, v: arb) -> Estimate:
         h = loop.energy(v + RATE_NUDGE)
     # What is 0 is not told as the rest of a cancellation.
     value = 0.0 if h.contains(0) else float(h.mid())
-    return Estimate(value, nextafter(float(abs(h - value).abs_upper()), inf))
+    # Balls of a potential given by an integral hold what its series is seen to leave out.
+    kind: ErrorKind = "theorem" if loop.potential.has_formula else "estimate"
+    return Estimate(value, nextafter(float(abs(h - value).abs_upper()), inf), kind)
 
 
 def evidence_of(resolved: ResolvedMotion) -> dict[str, float | int | str]:

@@ -153,6 +153,8 @@ def _with_claim(
         times=times,
         samples=samples,
         error=reached,
+        samples_kind="estimate",
+        function_kind="estimate",
         energy=energy,
         window=place.window,
         aperiodic=None,

@@ -37,8 +37,8 @@ HIGHEST_PRECISION = 2048
 class Certified:
     """Enclosures of a motion: every ball contains the true number."""
 
-    period: arb
-    """The common period of all six variables."""
+    period: arb | None
+    """The common period of all six variables; None if it is not known."""
     energy: arb
     states: tuple[tuple[arb, ...], ...]
     """(p, q, r, g1, g2, g3) at the asked times."""
@@ -175,16 +175,17 @@ def _conventions(body: RigidBody, potential: Potential, motion: PlanarMotion) ->
 
 
 def _numbers(result: Certified) -> list[arb]:
-    return [result.energy, *(value for state in result.states for value in state)]
+    period = [] if result.period is None else [result.period]
+    return [*period, result.energy, *(value for state in result.states for value in state)]
 
 
 def _widest(result: Certified) -> float:
-    return largest(float(value.rad()) for value in (result.period, *_numbers(result)))
+    return largest(float(value.rad()) for value in _numbers(result))
 
 
 def _is_narrow(result: Certified) -> bool:
     allowed = arb(2) ** (ALLOWED_BITS - result.bits)
-    if not result.period.rad() <= allowed * abs(result.period).lower():
+    if result.period is not None and not result.period.rad() <= allowed * abs(result.period).lower():
         return False
     return all(
         bool(value.rad() <= allowed or value.rad() <= allowed * abs(value).lower())

@@ -133,7 +133,7 @@ def _in_doubles(model: TimeModel, phase: PolarWay) -> tuple[TimeMap, FloatArray,
     times: FloatArray = np.array([float(t) for t in ends])
     hi = float(model.period)
     lo = float(model.period - arb(hi))
-    period = Period(hi, lo, float(abs(model.period - arb(hi) - arb(lo)).abs_upper()))
+    period = Period(hi, lo, float(abs(model.period - arb(hi) - arb(lo)).abs_upper()), "theorem")
     rounding = 0.25 * EPSILON * hi
     lengths = [float(end - begin) for begin, end in pairwise(ends)]
     error = float(np.abs(integrals.sum(axis=0) - lengths).max())

@@ -1,55 +1,31 @@
 """The loop of a planar motion at real v, in real balls, for many points of one motion."""
 
-import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-from flint import arb
+from flint import arb, ctx
 
-from service.dynamics.formula.algebras.ball import BallAlgebra, ball
+from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.jets import FirstOrderJets
-from service.dynamics.formula.tape import Instruction, Tape
+from service.dynamics.formula.programs import Way, traced_program
+from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.traces import Traced, Tracer
+from service.dynamics.potentials.potential import VALUE
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.geometry.point import BALLS, make_equator
 from workers.solvers.complex_plane.complex_loop import MANY, geometric
 
-_Step = tuple[Callable[[arb, arb], arb], int, int]
-_ARITHMETIC: dict[str, Callable[[arb, arb], arb]] = {
-    "add": operator.add,
-    "subtract": operator.sub,
-    "multiply": operator.mul,
-    "divide": operator.truediv,
-}
 NEAR = 2.0**-10
-_BALLS = BallAlgebra()
-_JETS = FirstOrderJets(_BALLS, 1)
 
 
-class PreparedTape:
-    """A tape over balls of one precision: its constants are there already, one function for each step."""
+def _trace_slope(tape: Tape, tracer: Tracer) -> tuple[Sequence[Traced], Sequence[Traced]]:
+    """Trace dV from g1, g2, g3 and their derivatives."""
+    values, rates = ([tracer.variable(f"{name}{k}") for k in (1, 2, 3)] for name in ("g", "rate"))
+    jets = FirstOrderJets(tracer, 1)
+    seeds = [jets.seed(value, (rate,)) for value, rate in zip(values, rates, strict=True)]
+    return [*values, *rates], jets.gradient(tape.evaluate(jets, seeds))
 
-    def __init__(self, tape: Tape) -> None:
-        self._inputs, self._constants = len(tape.variables), list[arb]()
-        self._steps: list[_Step] = []
-        places: dict[int, int] = {}
-        constants = [k for k, each in enumerate(tape.instructions) if each.operation in ("constant", "pi")]
-        for k, each in enumerate(tape.instructions):
-            if k in constants:
-                places[self._inputs + k] = self._inputs + len(self._constants)
-                number = each.number
-                self._constants.append(_BALLS.pi() if number is None else _BALLS.constant(number))
-        for k, each in enumerate(tape.instructions):
-            if k not in constants:
-                left, right = (places.get(register, register) for register in (each.left, each.right))
-                places[self._inputs + k] = self._inputs + len(self._constants) + len(self._steps)
-                self._steps.append(_step(each, left, right))
-        self._result = places.get(tape.result, tape.result)
 
-    def __call__(self, inputs: Sequence[arb]) -> arb:
-        """Return the value at ``inputs``, one per variable."""
-        registers = [*inputs, *self._constants]
-        for function, left, right in self._steps:
-            registers.append(function(registers[left], registers[right]))
-        return registers[self._result]
+SLOPE = Way("real", _trace_slope)
 
 
 class RealLoop:
@@ -57,7 +33,7 @@ class RealLoop:
 
     def __init__(self, loop: Loop, tape: Tape, side: int) -> None:
         self._side, self._mirrored = side, loop.mirrored
-        self._tape, self._potential = tape, PreparedTape(tape)
+        self._potential, self._slope = (traced_program(tape, way).at(ctx.prec) for way in (VALUE, SLOPE))
         alpha = loop.alpha
         self._power = alpha.numerator - 1
         self._is_summed = alpha.denominator == 1 and (alpha <= MANY or side == 0)
@@ -71,13 +47,13 @@ class RealLoop:
 
     def V(self, v: arb) -> arb:
         """Return the potential."""
-        return self._potential(self.gamma(v))
+        return self._value(self.gamma(v))
 
     def squared_rate(self, v: arb, h: arb) -> arb:
         """Return (dt/dv)² = Z²/(c² P)."""
         sine, cosine = v.sin_cos()
         power, size, c_squared = self._powers(sine, cosine)
-        N = h - self._potential(self._gamma(sine, cosine, size, c_squared.sqrt()))
+        N = h - self._value(self._gamma(sine, cosine, size, c_squared.sqrt()))
         return self._factor * (self._C + self._steepness * power * power) / (c_squared * N)
 
     def slope(self, v: arb) -> arb:
@@ -91,11 +67,9 @@ class RealLoop:
         second = -sine * self._Z_squared * (self._C + self._steepness * power * power) / (self._C * c)
         rates = (first, second, self._third * cosine)
         gamma = self._gamma(sine, cosine, size, c)
-        inputs = [
-            _JETS.seed(value, (rate,))
-            for value, rate in zip(gamma, rates[::-1] if self._mirrored else rates, strict=True)
-        ]
-        return _JETS.gradient(self._tape.evaluate(_JETS, inputs))[0]
+        gamma, along = self._gamma(sine, cosine, size, c), rates[::-1] if self._mirrored else rates
+        slope: arb = self._slope(*gamma, *along)[0]
+        return slope
 
     def gamma(self, v: arb) -> tuple[arb, arb, arb]:
         """Return g1, g2, g3 in the client's axes."""
@@ -113,6 +87,10 @@ class RealLoop:
         r = -self._alpha * self._first / self._third * power * sine.sgn() * p
         g1, g2, g3 = self._gamma(sine, cosine, size, c)
         return (-r, arb(0), -p, g1, g2, g3) if self._mirrored else (p, arb(0), r, g1, g2, g3)
+
+    def _value(self, gamma: Sequence[arb]) -> arb:
+        value: arb = self._potential(*gamma)[0]
+        return value
 
     def _gamma(self, sine: arb, cosine: arb, size: arb, c: arb) -> tuple[arb, arb, arb]:
         g1, g2, g3 = self._first * size, c * cosine, self._third * sine
@@ -136,19 +114,3 @@ class RealLoop:
             power = ((self._alpha - 1) * log).exp()
             c_squared = BALLS.c_squared(self._equator, log, u)
         return power, power * size, c_squared
-
-
-def _step(instruction: Instruction, left: int, right: int) -> _Step:
-    operation, number, name = instruction.operation, instruction.number, instruction.name
-    if operation in _ARITHMETIC:
-        return _ARITHMETIC[operation], left, right
-    if operation == "general_power":
-        return _BALLS.general_power, left, right
-    if operation == "negate":
-        return lambda x, _: -x, left, left
-    if operation == "call":
-        return lambda x, _: _BALLS.call(name, x), left, left
-    if number == 2:
-        return operator.mul, left, left
-    assert number is not None
-    return lambda x, _: _BALLS.power(x, number), left, left

@@ -144,6 +144,8 @@ def _motion(problem: Problem, placed: Placed, dense: DenseOutput, asked: SampleT
         times=times,
         samples=samples,
         error=dense.error_at(times) if len(times) else 0.0,
+        samples_kind="estimate",
+        function_kind="estimate",
         energy=_energy(problem, placed),
         window=None,
         aperiodic=None,
@@ -168,7 +170,8 @@ def _energy(problem: Problem, placed: Placed) -> Estimate:
     potential = sum((c * g for c, g in zip(motion.centre, placed.start.gamma, strict=True)), Fraction(0))
     h = kinetic / 2 + potential
     # The state is rounded too, to some 70 digits: an energy of 0 is what that leaves.
-    return Estimate(float(h), float(np.spacing(abs(float(h))) + STATE_RELATIVE_ROUNDING * kinetic))
+    error = float(np.spacing(abs(float(h))) + STATE_RELATIVE_ROUNDING * kinetic)
+    return Estimate(float(h), error, "estimate")
 
 
 def _with_relations(placed: Placed, motion: Motion) -> Motion:

@@ -184,7 +184,7 @@ def period_of(length: arb) -> Period:
     """Return the ball of a period as the sum of two doubles with its error."""
     hi = float(length)
     lo = float(length - hi)
-    return Period(hi, lo, float(abs(length - hi - lo).abs_upper()) * (1.0 + EPSILON))
+    return Period(hi, lo, float(abs(length - hi - lo).abs_upper()) * (1.0 + EPSILON), "theorem")
 
 
 def _variables(interval: MotionInterval) -> Variables:

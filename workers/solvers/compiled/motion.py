@@ -108,7 +108,7 @@ class SpectralMotion:
         value = float(self.potential.value(state[3:]))
         slope = float(np.abs(self.potential.gradient(state[3:])).sum())
         error = 2.0 * kinetic * self.bounds.rate + 8.0 * EPSILON * (kinetic + abs(value) + slope)
-        return Estimate(kinetic + value, error)
+        return Estimate(kinetic + value, error, "estimate")
 
     def sample(self, times: FloatArray, rests: FloatArray | None = None) -> FloatArray:
         """Return p, q, r, g1, g2, g3 at ``times`` (n,), shape (n, 6); with ``rests``, at the sums of both."""

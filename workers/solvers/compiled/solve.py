@@ -8,6 +8,8 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.tree import VARIABLES
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion, StartAtPoint
 from service.dynamics.solution.dense_output import EPSILON, Period
@@ -31,7 +33,7 @@ START_ULPS = 8.0
 
 _NO_CODE = np.empty((0, 4), dtype=np.int64)
 _NO_INSTRUCTIONS = Instructions(_NO_CODE, np.zeros(1, dtype=np.int64))
-EMPTY_PROGRAM = Program(_NO_CODE, 0, _NO_INSTRUCTIONS, _NO_INSTRUCTIONS)
+EMPTY_PROGRAM = Program(_NO_CODE, 0, _NO_INSTRUCTIONS, _NO_INSTRUCTIONS, Tape(VARIABLES, (), 0))
 NO_CONSTANTS = np.empty((1, 0))
 
 

@@ -19,7 +19,6 @@ from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF
 from workers.solvers.compiled.evaluation.program import Program, make_program, numbers_of
-from workers.solvers.compiled.general.held import hold
 from workers.solvers.compiled.general.many import solve_pair, solve_pairs
 from workers.solvers.compiled.general.records import Asked, Gradient, Models
 from workers.solvers.compiled.general.run_pair import COLLIDED, NUMBERS, OPEN, VERIFIED
@@ -28,6 +27,8 @@ from workers.solvers.compiled.general.series import ORDER, STATE
 from workers.solvers.compiled.general.steps import ARRIVED, CAUTION, TIRED, new_pieces, seen, take_steps
 from workers.solvers.compiled.lanes import LANES
 from workers.solvers.compiled.records import Equations
+from workers.solvers.compiled.residual.nodes import in_lanes
+from workers.solvers.compiled.residual.residual import hold
 from workers.solvers.integration.errors import (
     CollisionError,
     IntegrationError,
@@ -49,7 +50,7 @@ from workers.solvers.integration.interface import (
     neighbour_of,
     too_many_steps,
 )
-from workers.solvers.integration.programs import gradient_program
+from workers.solvers.integration.programs import shared_gradient
 from workers.solvers.integration.run_pair import (
     COARSE_DEFECT_RATIO,
     DIFFERENCE_FACTOR,
@@ -97,15 +98,11 @@ class CompiledIntegrator:
         return Equations(program.gradient, constants, self.moments)
 
     @cached_property
-    def structure(self) -> tuple[object, ...] | None:
-        """Key shared by integrators whose motions can be computed side by side; None where it is unknown.
-
-        Rounding constants to a neighbour can make two of them equal, or a sum of them vanish: then the
-        neighbour goes through other operations.
-        """
-        own, other = _structure_of(self.gradient), _structure_of(self._other.gradient)
-        program = self.equations.gradient
-        return (program.code.tobytes(), program.results.tobytes(), *own) if own == other else None
+    def structure(self) -> tuple[object, ...]:
+        """Key shared by integrators whose motions can be computed side by side."""
+        program, (code, constants, places, registers) = self.equations.gradient, self.gradient
+        of_series = code.tobytes(), len(constants), places.tobytes(), registers
+        return program.code.tobytes(), program.results.tobytes(), *of_series
 
     @cached_property
     def models(self) -> Models:
@@ -145,7 +142,7 @@ class CompiledIntegrator:
 
     def keeps(self, run: Run, goal: float, allowed: float) -> bool:
         """See Integrator.keeps."""
-        padded = _padded(run.coefficients)
+        padded = in_lanes(run.coefficients)
         is_kept, _, _ = hold(
             self.equations,
             run.breaks,
@@ -189,18 +186,6 @@ class CompiledIntegrator:
         return int(statuses[0]), breaks[0, : count + 1].copy(), pieces[0, :count, :length, :STATE].copy()
 
 
-def _padded(coefficients: FloatArray) -> FloatArray:
-    """Return series as kernels have them: beside the six variables two columns of 0."""
-    padded = np.zeros((*coefficients.shape[:2], LANES))
-    padded[:, :, :STATE] = coefficients
-    return padded
-
-
-def _structure_of(gradient: Gradient) -> tuple[object, ...]:
-    code, constants, places, registers = gradient
-    return code.tobytes(), len(constants), places.tobytes(), registers
-
-
 def models_of(integrators: Sequence[CompiledIntegrator]) -> Models:
     """Return the models of integrators of one structure."""
     first = integrators[0]
@@ -239,7 +224,7 @@ def _kept_integrator(body: RigidBody, potential: FormulaPotential) -> CompiledIn
 
 @lru_cache(maxsize=64)
 def _gradient_program(potential: FormulaPotential, rounding: Rounding) -> Gradient:
-    return gradient_program(potential, rounding)
+    return shared_gradient(potential.tape, rounding).gradient
 
 
 @lru_cache(maxsize=64)
@@ -329,8 +314,6 @@ def verified_run(
     where that is larger than the tolerance; infinity where finer runs follow, since then the estimate is not
     held against the equations.
     """
-    if integrator.structure is None:
-        return None
     status, breaks, coefficients, found = solve_pair(integrator.models, state, neighbour, check, asked)
     if status == OPEN:
         return None
@@ -391,7 +374,7 @@ def verified_runs(
 def samples_of(verified: VerifiedRun, times: FloatArray, low_parts: FloatArray | None) -> FloatArray:
     """Return the six variables at the times, shape (n, 6): what the dense output has there."""
     values = np.empty((-(-len(times) // TOGETHER) * TOGETHER, LANES))
-    series = _padded(verified.coefficients)
+    series = in_lanes(verified.coefficients)
     low = _NONE if low_parts is None else low_parts
     values_at(verified.breaks, series, series.shape[1], times, low, values)
     return values[: len(times), :STATE].copy()

@@ -4,7 +4,6 @@ Needs nothing that is not everywhere. Its continuous extension is a polynomial o
 degree 7 on each step, so eight values carry all of it.
 """
 
-from collections.abc import Callable
 from math import inf
 
 import numpy as np
@@ -25,7 +24,7 @@ from workers.solvers.integration.interface import (
     step_has_collapsed,
     too_many_steps,
 )
-from workers.solvers.integration.straight_line import gradient_line
+from workers.solvers.integration.programs import GradientFunction, gradient_function
 
 FloatArray = NDArray[np.float64]
 
@@ -46,9 +45,9 @@ class Dop853Integrator:
         """Prepare the right-hand sides; raises MissingMomentError."""
         self._body, self._potential = body, potential
         self._moments = Moments.of(body, rounding)
-        # A potential given by an integral has no line: its own gradient, to some ulp, serves both runs.
-        self._gradient: Callable[[float, float, float], tuple[float, float, float]] = (
-            gradient_line(potential, rounding)
+        # A potential given by an integral has no program: its own gradient, to some ulp, serves both runs.
+        self._gradient: GradientFunction = (
+            gradient_function(potential.tape, rounding)
             if isinstance(potential, FormulaPotential)
             else potential.gradient_at
         )

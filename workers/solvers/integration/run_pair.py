@@ -1,4 +1,4 @@
-"""Runs an integration twice; the difference, and how far errors grow, tell the error of the better run.
+r"""Runs an integration twice; the difference, the residual, and how far errors grow, tell its error.
 
 The second run has a looser local tolerance, hence other steps and other
 rounding, and solves a problem that the rounded data (state, moments,
@@ -7,6 +7,13 @@ truncation, rounding and what has become of them. It is one draw: where errors g
 all of them grow in one direction, in which two runs may be at one place by chance, or lose the
 same by the same roundings. So the claim has another part: what errors of every step grow to along the motion
 (:mod:`workers.solvers.compiled.general.growth`), J being taken here from equations that any potential has.
+
+Nor does the difference stand alone. What the finer run y leaves of the equations, d = y' − F(y), is known all
+along it, and with it, to first order, the very error of y, without any other run:
+
+.. math:: e' = J e + d,\qquad e(t + h) = \Phi\,e(t) + \int \Phi(t + h, s)\,d(s)\,ds .
+
+The claim has four times the larger one of the two, which have nothing but y and the equations in common.
 """
 
 from dataclasses import dataclass
@@ -38,6 +45,10 @@ COARSE_DEFECT_RATIO = 8.0
 their difference does not show it; like this it shows seven times what the finer one leaves."""
 EXPONENTIAL_ORDER = 9
 """Order of the series of the exponential: see :data:`workers.solvers.compiled.general.growth.LONGEST`."""
+RESIDUAL_NODES = 8
+"""Nodes of Gauss, at least, at which d is taken in a part of a piece; more where its degree is higher."""
+RESIDUAL_ORDER = 4
+"""Order of the exponential by which d is carried to the end of its part."""
 PIECES_TOGETHER = 512
 """Pieces of which J is found at once: some 50 MB."""
 
@@ -68,6 +79,8 @@ class RunPair:
     """Local tolerance of the finer run."""
     growth: FloatArray
     """Part of the claim in each piece of the finer run: what errors that it makes on its way grow to."""
+    residual: FloatArray
+    """Largest error in each piece of the finer run by what it leaves of the equations, to first order."""
 
     @property
     def steps(self) -> int:
@@ -82,16 +95,17 @@ class RunPair:
     def error_estimate(self, body: RigidBody, potential: Potential, times: FloatArray) -> FloatArray:
         """Return the estimated error of the finer run at ``times``, shape (n,).
 
-        To the difference comes what errors on the way grow to, and what both runs share: the
-        variables are rounded, and so are the time and the constants of the problem, which set the rate
-        at which the motion goes through time.
+        To the difference, or what the residual shows, comes what errors on the way grow to, and what both
+        runs share: the variables are rounded, and so are the time and the constants of the problem, which set
+        the rate at which the motion goes through time.
         """
         states = self.fine(times)
         rates = euler_poisson_rhs(body, potential, states[:, :3], states[:, 3:])
         speed = np.maximum(np.abs(rates.omega).max(axis=1), np.abs(rates.gamma).max(axis=1))
         rounding = SHARED_RELATIVE_ROUNDING * (np.abs(states).max(axis=1) + np.abs(times) * speed)
         piece = np.searchsorted(self.fine.breaks[1:-1], times, side="right")
-        estimate: FloatArray = DIFFERENCE_FACTOR * self.difference(times) + rounding + self.growth[piece]
+        seen = np.maximum(self.difference(times), self.residual[piece])
+        estimate: FloatArray = DIFFERENCE_FACTOR * seen + rounding + self.growth[piece]
         return estimate
 
 
@@ -134,8 +148,8 @@ def run_pair(
     moving = [run for run in fine if run.reached != 0.0]
     apart = np.abs(neighbour - state)
     left_out = finer * integrator.leaves_out
-    deviations = [errors_on_the_way(equations, run, apart, left_out) for run in moving]
-    pairs = list(zip(moving, coarse, deviations, strict=True))
+    on_the_way = [errors_on_the_way(equations, run, apart, left_out) for run in moving]
+    pairs = list(zip(moving, coarse, [found.deviations for found in on_the_way], strict=True))
     endings = [_ending(*pair) for pair in pairs] + [run.ending for run in fine if run.reached == 0.0]
     reached = [min(one.reached, two.reached, key=abs) for one, two, _ in pairs]
     return RunPair(
@@ -149,6 +163,7 @@ def run_pair(
         ),
         local_tolerance=finer,
         growth=_claimed(pairs),
+        residual=_in_order(moving, [found.by_residual for found in on_the_way]),
     )
 
 
@@ -156,12 +171,18 @@ def _claimed(pairs: list[tuple[Run, Run, FloatArray]]) -> FloatArray:
     """Return the part of the claim in each piece of both sides."""
     from workers.solvers.compiled.general.run_pair import beyond_first_order  # noqa: PLC0415
 
-    parts = [np.zeros(0)]
+    parts = []
     for run, _, deviations in pairs:
         size = float(np.abs(run.coefficients).max())
-        part = np.array([beyond_first_order(DIFFERENCE_FACTOR * each, size) for each in deviations.tolist()])
-        parts.append(part[::-1] if run.reached < 0.0 else part)
-    return np.concatenate(parts) if len(parts) > 1 else np.zeros(1)
+        claims = [beyond_first_order(DIFFERENCE_FACTOR * each, size) for each in deviations.tolist()]
+        parts.append(np.array(claims))
+    return _in_order([run for run, *_ in pairs], parts)
+
+
+def _in_order(runs: list[Run], parts: list[FloatArray]) -> FloatArray:
+    """Return what is known of the pieces of runs in the order of time; one 0 if nothing moves."""
+    ordered = [part[::-1] if run.reached < 0.0 else part for run, part in zip(runs, parts, strict=True)]
+    return np.concatenate(ordered) if ordered else np.zeros(1)
 
 
 def _ending(fine: Run, coarse: Run, deviations: FloatArray) -> IntegrationError | None:
@@ -189,16 +210,27 @@ def _ending(fine: Run, coarse: Run, deviations: FloatArray) -> IntegrationError 
     return CollisionError(time=time, error=error, start=ending.start, end=ending.end)
 
 
-def errors_on_the_way(equations: Equations, run: Run, start: FloatArray, left_out: float) -> FloatArray:
-    """Return the standard deviation of errors that a run has made, the largest in each of its pieces.
+@dataclass(frozen=True, slots=True)
+class ErrorsOnTheWay:
+    """Errors of a run in each of its pieces, the largest of any variable, shape (pieces,)."""
+
+    deviations: FloatArray
+    """Standard deviation of independent errors of the modelled size."""
+    by_residual: FloatArray
+    """The error that the residual makes, to first order."""
+
+
+def errors_on_the_way(equations: Equations, run: Run, start: FloatArray, left_out: float) -> ErrorsOnTheWay:
+    """Return what errors a run has made, by a model of what it loses and by its residual.
 
     A step leaves out ``left_out``, relative to the largest variable. Kernels find the same of series whose
     terms they know: see :func:`workers.solvers.compiled.general.growth.grown`.
     """
     from workers.solvers.compiled.general import growth  # noqa: PLC0415
 
-    size, found = float(np.abs(run.coefficients).max()), list[FloatArray]()
-    spread = np.diag((start / size) ** 2)
+    size = float(np.abs(run.coefficients).max())
+    found, by_residual = [np.zeros(0)], [np.zeros(0)]
+    spread, error = np.diag((start / size) ** 2), np.zeros(6)
     steps = np.diff(run.breaks)
     for begin in range(0, len(steps), PIECES_TOGETHER):
         series, times = (
@@ -225,25 +257,77 @@ def errors_on_the_way(equations: Equations, run: Run, start: FloatArray, left_ou
         largest = np.abs(series).sum(axis=1).max(axis=1, keepdims=True)
         lost[first + parts - 1] += left_out * largest * shares
         lost /= size
-        deviations = passed_on(jacobians, times[piece] * half, lost, spread)
+        left = _residuals(equations, series[piece], times[piece], centre, half, jacobians) / size
+        deviations, errors = passed_on(jacobians, times[piece] * half, lost, left, spread, error)
         found.append(size * np.maximum.reduceat(deviations, first))
-    return np.concatenate([np.zeros(0), *found])
+        by_residual.append(size * np.maximum.reduceat(errors, first))
+    return ErrorsOnTheWay(np.concatenate(found), np.concatenate(by_residual))
 
 
 @np.errstate(all="ignore")
-def passed_on(nodes: FloatArray, times: FloatArray, deviations: FloatArray, spread: FloatArray) -> FloatArray:
-    """Return the largest standard deviation in any variable at the end of each part of a run.
+def _residuals(
+    equations: Equations,
+    series: FloatArray,
+    times: FloatArray,
+    centre: FloatArray,
+    half: FloatArray,
+    jacobians: FloatArray,
+) -> FloatArray:
+    """Return what the residual of each part adds to the error at its end, shape (parts, 6).
 
-    J at the three nodes of the parts, their lengths, and the standard deviations of the errors that they
-    add, all relative to one size, have the shapes (n, 3, 6, 6), (n,) and (n, 6). ``spread`` is P at the
-    start, shape (6, 6), and is replaced by that at the end.
+    A part is that of the piece ``series``, which takes ``times``, from centre − half to centre + half of
+    [−1, 1]. Φ from a node to the end is the exponential of the mean of J, to RESIDUAL_ORDER.
     """
-    found, added = np.empty(len(times)), np.where(deviations < np.inf, deviations, 0.0) ** 2
+    from workers.solvers.compiled.general import growth  # noqa: PLC0415
+
+    degree = series.shape[1] - 1
+    x, weights = np.polynomial.legendre.leggauss(max(RESIDUAL_NODES, degree + 1))
+    table = np.polynomial.chebyshev.chebvander(centre[:, None] + half[:, None] * x, degree)
+    slopes = np.polynomial.chebyshev.chebder(series, axis=1) * (2.0 / times)[:, None, None]
+    states, rates = table @ series, table[:, :, :degree] @ slopes[:, :degree]
+    left = rates - equations.at(states.reshape(-1, 6))[0].reshape(states.shape)
+    lengths = 0.5 * times * half
+    to_the_end = lengths[:, None] * (1.0 - x)
+    # J through its three nodes, and its mean from x to the end.
+    first, second, third = (jacobians[:, k, None] for k in range(3))
+    slope, bend = (third - first) / (2.0 * growth.OUTWARDS), (first - 2.0 * second + third) / 1.2
+    to_1 = x[:, None, None]
+    mean = second + slope * (0.5 * (1.0 + to_1)) + bend * ((1.0 + to_1 + to_1 * to_1) / 3.0)
+    carried, term = left, left
+    for order in range(1, RESIDUAL_ORDER + 1):
+        term = np.einsum("nkij,nkj->nki", mean, term) * (to_the_end / order)[:, :, None]
+        carried = carried + term
+    carried = np.where(np.isfinite(carried), carried, left)
+    added: FloatArray = np.einsum("k,nki->ni", weights, carried) * lengths[:, None]
+    return added
+
+
+@np.errstate(all="ignore")
+def passed_on(
+    nodes: FloatArray,
+    times: FloatArray,
+    deviations: FloatArray,
+    residuals: FloatArray,
+    spread: FloatArray,
+    error: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the largest standard deviation, and error, of any variable at the end of each part of a run.
+
+    J at the three nodes of the parts, their lengths, the standard deviations of the errors that they add, and
+    what their residuals add, relative to one size, have the shapes (n, 3, 6, 6), (n,), (n, 6) and
+    (n, 6). ``spread`` is P at the start, shape (6, 6), and ``error`` the error there, shape (6,); both are
+    replaced by those at the end.
+    """
+    found, errors = np.empty(len(times)), np.empty(len(times))
+    added, residuals = (np.where(np.abs(part) < np.inf, part, 0.0) for part in (deviations, residuals))
+    added = added**2
     for n, transition in enumerate(_transitions(nodes, times)):
         spread[...] = transition @ spread @ transition.T + np.diag(added[n])
         # Where one error is 1e8 times all others, roundings of P are more than these, of either sign.
         found[n] = np.sqrt(np.abs(np.diag(spread)).max())
-    return found
+        error[...] = transition @ error + residuals[n]
+        errors[n] = np.abs(error).max()
+    return found, errors
 
 
 def _transitions(nodes: FloatArray, times: FloatArray) -> FloatArray:

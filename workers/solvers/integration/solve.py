@@ -41,6 +41,8 @@ MAX_STEPS = 200_000
 CHECK_TIMES = 257
 """Equidistant times, besides those asked for, at which the two runs are compared: with few times
 asked the difference may vanish there by chance."""
+RESIDUAL = "error_by_residual"
+"""Key of the evidence: the error that what a run leaves of the equations makes, to first order."""
 GROWTH = "grown_errors"
 """Key of the evidence: what errors that a run makes on its way have grown to, a part of the claim."""
 FIRST_TOLERANCE_SHARE = 0.01
@@ -227,7 +229,9 @@ def _verified_motion(
         samples=samples_of(verified, times, low_parts),
         low_parts=low_parts,
         error=verified.error,
-        energy=Estimate(verified.energy, verified.energy_error),
+        samples_kind="difference",
+        function_kind="difference",
+        energy=Estimate(verified.energy, verified.energy_error, "estimate"),
         window=None,
         aperiodic=None,
         past=None,
@@ -262,6 +266,8 @@ def _motion(
         times=times,
         samples=pair.fine(times),
         error=error,
+        samples_kind="difference",
+        function_kind="difference",
         energy=_energy(pair, body, potential, check),
         window=None,
         aperiodic=None,
@@ -274,6 +280,7 @@ def _motion(
             "steps": pair.steps,
             "local_tolerance": pair.local_tolerance,
             "difference_of_runs": float(pair.difference(check).max()),
+            RESIDUAL: float(pair.residual.max()),
             GROWTH: float(pair.growth.max()),
         },
     )
@@ -283,4 +290,5 @@ def _energy(pair: RunPair, body: RigidBody, potential: Potential, check: FloatAr
     """Return the energy at t = 0; its error is how far it strays along the motion, which rounds it anew."""
     states = pair.fine(np.concatenate([np.zeros(1), check]))
     h = energy_integral(body, potential, states[:, :3], states[:, 3:])
-    return Estimate(float(h[0]), float(np.abs(h - h[0]).max() + SHARED_RELATIVE_ROUNDING * abs(h[0])))
+    error = float(np.abs(h - h[0]).max() + SHARED_RELATIVE_ROUNDING * abs(h[0]))
+    return Estimate(float(h[0]), error, "estimate")

@@ -62,8 +62,8 @@ def estimate(advance: Advance) -> Estimate:
     That of a libration is 0, and its error too: this is a theorem.
     """
     if advance == Advance():
-        return Estimate(0.0, 0.0)
-    return Estimate(advance.hi, nextafter(abs(advance.lo) + advance.error, inf))
+        return Estimate(0.0, 0.0, "theorem")
+    return Estimate(advance.hi, nextafter(abs(advance.lo) + advance.error, inf), "estimate")
 
 
 def _rate(loop: Loop, theta: arb) -> arb:

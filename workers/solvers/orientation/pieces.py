@@ -158,11 +158,12 @@ class _Solver:
         given = self._dense.coefficients[parent]
         middle, share = 0.5 * (low + high), 0.5 * (high - low)
         x = middle[:, None] + share[:, None] * self._points
-        values = chebyshev.chebvander(x, given.shape[1] - 1) @ given
+        table = chebyshev.chebvander(x, given.shape[1] - 1)
         padded = np.pad(given, ((0, 0), (0, len(self._points) - given.shape[1]), (0, 0)))
-        # A whole piece keeps its numbers to the last bit.
+        # A whole piece keeps its numbers to the last bit. On a part of it no polynomial has a higher degree:
+        # as sums of values at the points, high coefficients would have the rounding of the largest one.
         is_whole = (share == 1.0)[:, None, None]
-        return np.where(is_whole, padded, self._interpolation @ values), values
+        return np.where(is_whole, padded, np.triu(self._interpolation @ table) @ given), table @ given
 
     def _propagators(self, omega: FloatArray, half: FloatArray) -> FloatArray:
         """Return Φ at the points; meaningless where the piece turns too far."""

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from service.dynamics.bounds import largest
+from service.dynamics.bounds import ErrorKind, largest
 from service.dynamics.equations.orientation import (
     LOCAL_QUATERNION,
     QUATERNION,
@@ -53,6 +53,8 @@ PERIODIC_VERTICAL_ANGLE = 1e-10
 AXES = {"psi1": 0, "psi3": 2}
 RATE_RELATIVE_ROUNDING = 4.0 * EPSILON
 """Rounding error of a rate, relative to its terms; and of a product of quaternions."""
+CUT_RELATIVE_ROUNDING = 8.0 * EPSILON
+"""Rounding error of the six variables on a part of a piece, relative to the sum of their coefficients."""
 UNSEEN_FACTOR = 2.0
 """Factor for the places between the points that are looked at."""
 
@@ -67,6 +69,8 @@ class Orientation:
     """Per period; None if the motion has none."""
     notices: tuple[str, ...]
     """Why psi1 or psi3 is not there."""
+    kind: ErrorKind
+    """How the errors of quaternion and angles are known: those of a motion are a part of them."""
 
 
 Advances = Callable[[Loop, int], tuple[Advance, Advance]]
@@ -77,7 +81,7 @@ def with_orientation(motion: Motion, advances_of: Advances = loop_advances) -> O
     """Return the dense output of ``motion`` with the attitude added, and the precession per period.
 
     Pieces are halved where the attitude needs it; the motion's own columns stay
-    the same functions with the same errors.
+    the same functions but for the rounding of their coefficients, which is added to their error.
 
     Raises
     ------
@@ -97,7 +101,9 @@ def with_orientation(motion: Motion, advances_of: Advances = loop_advances) -> O
     precession = None
     if advances:
         precession = Precession(*(estimate(advances[name]) for name in AXES))
-    return Orientation(dense, precession, notices)
+    # Beside that of the motion they are sums of what is seen of series and of roundings.
+    kind: ErrorKind = "difference" if motion.function_kind == "difference" else "estimate"
+    return Orientation(dense, precession, notices, kind)
 
 
 def _resolve(dense: DenseOutput) -> tuple[tuple[str, ...], Pieces, tuple[str, ...]]:
@@ -127,12 +133,14 @@ def _with_columns(dense: DenseOutput, names: tuple[str, ...], pieces: Pieces) ->
     angles[:, 0] += starts
     quaternion = quaternion_product(_starts(pieces.propagators.sum(axis=1))[:, None], pieces.propagators)
     count = len(dense.columns)
+    is_cut = pieces.high - pieces.low < 2.0
+    rounding = CUT_RELATIVE_ROUNDING * np.abs(pieces.motion[is_cut]).sum(axis=1).max(initial=0.0)
     joined = DenseOutput(
         (*dense.columns, *LOCAL_QUATERNION, *names),
         _breaks(dense, pieces),
         np.concatenate([pieces.motion, quaternion, angles], axis=2),
         dense.period,
-        dense.error,
+        dense.error + float(rounding),
     )
     at_zero = joined(np.zeros(1))[0]
     there, psi = at_zero[count : count + 4], at_zero[count + 4 :]

@@ -95,6 +95,8 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
         times=times,
         samples=dense(times, low_parts),
         error=dense.error_at(times),
+        samples_kind="estimate",
+        function_kind="estimate",
         energy=energy_of(start.arc.loop, flight.somewhere()),
         window=window,
         aperiodic=kind,
@@ -123,6 +125,8 @@ def _rest(window: Window, start: StartingPoint, times: FloatArray) -> Motion:
         times=times,
         samples=dense(times),
         error=dense.error_at(times),
+        samples_kind="estimate",
+        function_kind="estimate",
         energy=energy_of(start.arc.loop, start.v),
         window=window,
         aperiodic="equilibrium",
@@ -139,7 +143,7 @@ def _ends(
 ) -> tuple[Asymptote, Asymptote]:
     """Return past and future."""
     error = 2.0 * time_map.error + 4.0 * EPSILON * time_map.period.hi
-    arrivals = (Estimate(-origin, error), Estimate(time_map.period.hi - origin, error))
+    arrivals = [Estimate(at - origin, error, "estimate") for at in (0.0, time_map.period.hi)]
     past, future = (asymptote(flight, found, at) for found, at in zip(reaches, arrivals, strict=True))
     return past, future
 

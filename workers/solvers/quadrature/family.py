@@ -10,6 +10,7 @@ import numpy as np
 from flint import ctx
 from numpy.typing import NDArray
 
+from service.dynamics.bounds import largest
 from service.dynamics.motion import Motion
 from service.dynamics.potentials.angular_part.along_curve import LoopCurve
 from service.dynamics.potentials.families.general_solution import (
@@ -27,7 +28,7 @@ from workers.solvers.orbits.graded import Graded, graded
 from workers.solvers.orbits.near_rest import SlowOrbit
 from workers.solvers.orbits.orbit import Libration, Rotation
 from workers.solvers.quadrature.aperiodic import solve_aperiodic
-from workers.solvers.quadrature.phase_sampler import phase_sampler, series_sampler
+from workers.solvers.quadrature.phase_sampler import GradedSamples, phase_sampler, series_sampler
 from workers.solvers.quadrature.squared_speed import KEPT, time_map_of
 from workers.solvers.quadrature.time_map import make_time_map
 
@@ -109,16 +110,21 @@ def _by_time_map(place: PeriodicPlace) -> Sampled:
         if isinstance(orbit, Libration | Rotation)
         else make_time_map(orbit.rate, orbit.corners + orbit.junctions, is_even=orbit.is_even)
     )
-    period, error = time_map.period, 0.0
+    period, departures = time_map.period, np.zeros(1)
     origin = float(time_map.time_at(np.array([orbit.start]))[0])
     on_map = phase_sampler(orbit, time_map)
     if isinstance(orbit, Graded):
-        on_map, error = series_sampler(orbit, time_map)
+        on_map, departures = series_sampler(orbit, time_map)
+
+    def on_turn(times: FloatArray) -> FloatArray:
+        local = times + origin
+        return np.clip(np.where(local > period.hi, local - period.hi, local), 0.0, period.hi)
 
     def sample(times: FloatArray) -> FloatArray:
-        local = times + origin
-        local = np.where(local > period.hi, local - period.hi, local)
-        return on_map(np.clip(local, 0.0, period.hi))
+        return on_map(on_turn(times))
+
+    def departures_at(times: FloatArray) -> FloatArray:
+        return np.asarray(departures[time_map.phase_at(on_turn(times))[0]], np.float64)
 
     passages = np.sort((time_map.time_at(np.array(orbit.corners)) - origin) % period.hi)
     kinks = np.sort((time_map.kinks - origin) % period.hi)
@@ -126,12 +132,16 @@ def _by_time_map(place: PeriodicPlace) -> Sampled:
     features = (times - origin) % period.hi, widths
     # The phase of the start, too, has its time from the map.
     late = 2.0 * time_map.error
+    own = None
+    if isinstance(orbit, Graded):
+        own = GradedSamples(sample, passages, period, late, departures_at)
     return Sampled(
         sample,
         period,
         passages,
-        error,
+        largest(departures.tolist()),
         time_map.evidence(),
+        late=own,
         time_error=late,
         features=features,
         kinks=kinks,

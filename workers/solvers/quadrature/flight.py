@@ -224,7 +224,8 @@ def asymptote(flight: Flight, found: Reach, arrival: Estimate | None) -> Asympto
     rate = None
     if found.nature == "exponential":
         near, far = (1 / flight.rate_of_phase(arb(side * y)) for y in (FARTHEST - 8, FARTHEST))
-        rate = Estimate(float(far), abs(float(far - near)) + float(far.rad()) + 2e-16 * float(far))
+        error = abs(float(far - near)) + float(far.rad()) + 2e-16 * float(far)
+        rate = Estimate(float(far), error, "difference")
     return Asymptote(kind, arrival if found.nature == "finite" else None, rate, gamma)
 
 

@@ -274,6 +274,8 @@ def hill_monodromy(
 
 
 Verdict = Literal["stable", "unstable", "marginal"]
+Proof = Literal["theorem", "estimate"]
+"""The kinds of :data:`service.dynamics.bounds.ErrorKind` that a trace may be known by."""
 
 SPEED_PHASES = 16
 
@@ -293,6 +295,8 @@ class Stability:
     verdict: Verdict
     """Linearly stable if |trace| < 2, unstable if > 2; marginal if the error does not tell, as where
     the multipliers are exactly 1: for every B if the energy does not depend on λ."""
+    proof: Proof
+    """How ``error`` is known, hence the verdict and what else follows from the trace."""
     exponent: float
     """Growth per unit time, log|μ| / T."""
     exponent_error: float
@@ -331,6 +335,7 @@ def assess(monodromy: Monodromy, speed: float, period: Period, tolerance: float)
         multipliers=_multipliers(trace),
         multipliers_error=_multipliers_error(trace, error),
         verdict=verdict_of(trace, error),
+        proof="estimate",
         exponent=here,
         exponent_error=high - low + 4.0 * EPSILON * here + here * period.error / period.hi,
         trusted_time=trusted_time(monodromy, speed, period, tolerance),

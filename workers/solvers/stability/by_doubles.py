@@ -53,7 +53,7 @@ class Perturbed:
             return None, run
         moments = np.array([float(each) for each in (A, B, C, B - C, A - C, A - B)])
         out = np.empty(8)
-        of_potential = self.program.code, self.program.result, self.program.turn, constants
+        of_potential = self.program.code, self.program.result, self.program.across, constants
         workspace = new_records(WORKSPACE)
         if not turn(*of_potential, run.loops, run.panels, run.found, workspace, moments, out):
             return None, run

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import printed_error
 from service.dynamics.further_integrals import FurtherIntegral, find_further_integrals, integral_drift
-from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Problem
+from service.dynamics.solution.dense_output import Advance
 from service.schemas.sweep.sweep import DRIFT_NUMBERS, NUMBERS, keeps_further
 from workers.solvers.compiled.batch import Batch, solve_batch
 from workers.solvers.compiled.frame import make_frame
@@ -197,7 +197,7 @@ class OutputsOfGroup:
         is_plain = min(float(orbit["z"]), float(orbit["g"])) >= LEAST_AXIS_SINE
         if not (about["panels"] and is_plain and about["largest"] * about["period"] <= MOST_TURN_RADIANS):
             return None
-        one = three = Estimate(0.0, 0.0)
+        one = three = estimate(Advance())
         if orbit["rotates"]:
             # The sign of s g1 g3 is that of −p g1.
             sense = int(np.sign(orbit["sense"] * orbit["direction"] * orbit["sign1"]))

@@ -1,5 +1,6 @@
 """/v1/sweeps: submit, list, show and cancel sweeps, and list the jobs that compute their points."""
 
+from collections.abc import Sequence
 from functools import partial
 from http import HTTPStatus
 from typing import Annotated
@@ -12,6 +13,8 @@ from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
 from service.api.descriptions import request_body
 from service.api.formats.lists import ListedRows, list_responses
+from service.api.formats.negotiation import JSON, Accept, preferred
+from service.api.formats.prov_json import graph_of_points
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.heavy_answers import listed, read_list, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
@@ -29,10 +32,12 @@ from service.schemas.reading.annotation import split_annotation
 from service.schemas.reading.documents import Document, Fault, Part
 from service.schemas.replies.analysis import CostEstimateOut, QueryEstimateOut
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
+from service.schemas.replies.solution import ProvenanceGraphOut
 from service.schemas.replies.sweep import SweepOut, SweepPageOut
 from service.schemas.sweep.reading import InvalidSweepError, read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.settings import Settings
+from service.storage.jobs.chunks import range_of
 from service.storage.searching.sources import OF_SWEEP_ROWS, chunks_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])
@@ -184,6 +189,23 @@ def get_sweep(sweep_id: SweepId, inside: Inside) -> Response:
     return json_response(sweep_out(inside.sweeps.get(sweep_id)))
 
 
+@router.get(
+    "/{sweep_id}/provenance",
+    response_model=ProvenanceGraphOut,
+    responses=refusals(404, 406),
+    dependencies=[without_query],
+)
+def get_sweep_provenance(sweep_id: SweepId, inside: Inside, accept: Accept = None) -> Response:
+    """Tell what computed the points of a sweep, as PROV-JSON of the W3C.
+
+    Entities are the sweep with its document, and its points; activities are
+    the computations on hosts that are alike; agents are these hosts, polhode
+    and the libraries with their versions. Its jobs tell which host had which points.
+    """
+    preferred([JSON], accept)
+    return json_response(graph_of_points(inside.sweeps.get(sweep_id)))
+
+
 @router.post(
     "/{sweep_id}/cancel", response_model=SweepOut, responses=refusals(404, 409), dependencies=[without_query]
 )
@@ -213,11 +235,17 @@ async def list_sweep_jobs(
     record = await run_in_threadpool(inside.sweeps.get, sweep_id)
     listing = await read_list(inside, asked, chunks_of(record.id))
     find = partial(inside.jobs.find_of_sweep, record.id)
-    rows = ListedRows(ChunkJobPageOut, find, lambda page: list(map(_chunk, page.jobs)))
+    rows = ListedRows(ChunkJobPageOut, find, lambda page: _chunks(inside, record.id, page.jobs))
     return await listed(request, inside, listing, rows)
 
 
-def _chunk(job: Job) -> ChunkJobOut:
+def _chunks(inside: Resources, sweep_id: str, jobs: Sequence[Job]) -> list[ChunkJobOut]:
+    ended = [range_of(job.problem).first for job in jobs if job.state is JobState.SUCCEEDED]
+    sources = inside.sweeps.sources(sweep_id, ended)
+    return [_chunk(job, *sources.get(range_of(job.problem).first, (None, None))) for job in jobs]
+
+
+def _chunk(job: Job, host: str | None, provenance: int | None) -> ChunkJobOut:
     return ChunkJobOut.model_validate(
         {
             "id": job.id,
@@ -230,5 +258,7 @@ def _chunk(job: Job) -> ChunkJobOut:
             "created_at": job.created_at,
             "started_at": job.started_at,
             "finished_at": job.finished_at,
+            "host": host,
+            "provenance": provenance,
         }
     )

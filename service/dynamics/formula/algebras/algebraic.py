@@ -7,7 +7,9 @@ degree D = product of the degrees of the roots a number is made of, so the norm 
 .. math:: |U/L| \ge \frac{1}{l\, u^{D-1}} .
 
 A number that is proved to be smaller, by its ball, is zero. What a formula calls exp, log, sin, …
-is a number of this kind only where its argument makes it one, as exp(0).
+is a number of this kind only where its argument makes it one, as exp(0). Of other numbers, such as sin(1/3),
+only identities of the field are known: they are sums of monomials in functions of each other, and a sum
+without terms is zero.
 """
 
 from collections.abc import Callable
@@ -18,7 +20,17 @@ from math import inf, log2
 from flint import arb, ctx, fmpz
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.algebras.monomials import (
+    ALL_ATOMS,
+    ONE,
+    MonomialAlgebra,
+    MonomialSum,
+    NotAMonomialSumError,
+    Rules,
+    as_fmpq,
+)
 
+FORMS = Rules(atoms=ALL_ATOMS, most_atoms=64, most_argument_terms=16, most_terms=64, most_power=16)
 LARGEST_EXACT = 4096
 """Bits of numerators and denominators up to which rationals stay rationals."""
 
@@ -47,6 +59,8 @@ class Algebraic:
     """log2 of l."""
     roots: frozenset[tuple[int, int]]
     """The roots it is made of: their numbers and degrees."""
+    form: MonomialSum | None = None
+    """The same number by functions of others; None if it has too many terms, or something else in it."""
 
 
 class AlgebraicAlgebra:
@@ -56,6 +70,9 @@ class AlgebraicAlgebra:
         self._balls = BallAlgebra()
         self._known: dict[tuple[int, Fraction], tuple[Algebraic, Algebraic]] = {}
         self._count = 0
+        self._forms = MonomialAlgebra(FORMS)
+        self._undone: dict[tuple[str, frozenset[object]], Algebraic] = {}
+        """The x of each exp(x), under log, and of each log(x), under exp."""
 
     def is_zero(self, operand: Algebraic) -> bool:
         """Tell whether the number is 0.
@@ -90,14 +107,15 @@ class AlgebraicAlgebra:
         """Return an exact number."""
         ball = self._balls.constant(value)
         if value == 0:
-            return Algebraic(ball, value, 0.0, 0.0, frozenset())
+            return Algebraic(ball, value, 0.0, 0.0, frozenset(), {})
         up, down = _log2(abs(value.numerator)), _log2(value.denominator)
         is_short = max(up, down) <= LARGEST_EXACT
-        return Algebraic(ball, value if is_short else None, up, down, frozenset())
+        form = {ONE: as_fmpq(value)} if is_short else None
+        return Algebraic(ball, value if is_short else None, up, down, frozenset(), form)
 
     def pi(self) -> Algebraic:
         """Return π."""
-        return self.transcendental(arb.pi())
+        return self.transcendental(arb.pi(), self._forms.pi())
 
     def add(self, left: Algebraic, right: Algebraic) -> Algebraic:
         """Return left + right."""
@@ -108,7 +126,8 @@ class AlgebraicAlgebra:
         if right.exact == 0:
             return left
         up = max(left.up + right.down, left.down + right.up) + 1.0
-        return self._made(left.ball + right.ball, up, left.down + right.down, left, right)
+        form = _form(self._forms.add, left, right)
+        return self._made(left.ball + right.ball, up, left.down + right.down, left, right, form=form)
 
     def subtract(self, left: Algebraic, right: Algebraic) -> Algebraic:
         """Return left - right."""
@@ -117,7 +136,8 @@ class AlgebraicAlgebra:
     def negate(self, operand: Algebraic) -> Algebraic:
         """Return -operand."""
         exact = None if operand.exact is None else -operand.exact
-        return Algebraic(-operand.ball, exact, operand.up, operand.down, operand.roots)
+        form = _form(self._forms.negate, operand)
+        return Algebraic(-operand.ball, exact, operand.up, operand.down, operand.roots, form)
 
     def multiply(self, left: Algebraic, right: Algebraic) -> Algebraic:
         """Return left · right; what is not algebraic is finite, and makes 0 of 0."""
@@ -130,7 +150,8 @@ class AlgebraicAlgebra:
                 if not other.ball.is_finite():
                     raise NotAlgebraicError
                 return self.constant(Fraction(0))
-        return self._made(left.ball * right.ball, left.up + right.up, left.down + right.down, left, right)
+        ball, form = left.ball * right.ball, _form(self._forms.multiply, left, right)
+        return self._made(ball, left.up + right.up, left.down + right.down, left, right, form=form)
 
     def divide(self, left: Algebraic, right: Algebraic) -> Algebraic:
         """Return left / right; raises NotAlgebraicError for a division by 0."""
@@ -138,9 +159,10 @@ class AlgebraicAlgebra:
             raise NotAlgebraicError
         if right.exact is not None:
             return self.multiply(left, self.constant(1 / right.exact))
-        inverse = Algebraic(1 / right.ball, None, right.down, right.up, right.roots)
+        form = _form(lambda x: self._forms.power(x, Fraction(-1)), right)
+        inverse = Algebraic(1 / right.ball, None, right.down, right.up, right.roots, form)
         if right.up == inf:
-            inverse = self.transcendental(1 / right.ball)
+            inverse = self.transcendental(1 / right.ball, form)
         return self.multiply(left, inverse)
 
     def power(self, base: Algebraic, exponent: Fraction) -> Algebraic:
@@ -152,7 +174,8 @@ class AlgebraicAlgebra:
         if root.exact is not None and whole * root.exact.numerator.bit_length() <= LARGEST_EXACT:
             return self.constant(root.exact**whole)
         ball = self._balls.power(root.ball, Fraction(whole))
-        return self._made(ball, whole * root.up, whole * root.down, root)
+        form = _form(lambda x: self._forms.power(x, Fraction(whole)), root)
+        return self._made(ball, whole * root.up, whole * root.down, root, form=form)
 
     def general_power(self, base: Algebraic, exponent: Algebraic) -> Algebraic:
         """Return exp(exponent · log(base))."""
@@ -170,7 +193,14 @@ class AlgebraicAlgebra:
         special = _SPECIAL[name]
         if argument.up < inf and self.is_zero(self.add(argument, self.constant(Fraction(-special[0])))):
             return self.constant(Fraction(special[1]))
-        return self.transcendental(self._balls.call(name, argument.ball))
+        form = _form(lambda x: self._forms.call(name, x), argument)
+        undone = None if argument.form is None else self._undone.get((name, frozenset(argument.form.items())))
+        if undone is not None:
+            return undone
+        found = self.transcendental(self._balls.call(name, argument.ball), form)
+        if form is not None and name in _UNDOING and found.ball.is_finite():
+            self._undone[_UNDOING[name], frozenset(form.items())] = argument
+        return found
 
     def root_of(
         self, equation: Callable[[arb], arb], near: arb, *, degree: int, up: float, down: float, of: Algebraic
@@ -200,34 +230,53 @@ class AlgebraicAlgebra:
             if parts[0] is not None and parts[1] is not None:
                 return self.constant(Fraction(parts[0], parts[1]))
         ball = self._balls.power(base.ball, Fraction(1, degree))
+        form = _form(lambda x: self._forms.power(x, Fraction(1, degree)), base)
         if base.up == inf:
-            return self.transcendental(ball)
+            return self.transcendental(ball, form)
         up, down, k = base.up, base.down, degree
         if up >= down:
             up = (up + (k - 1) * down) / k
         else:
             down = ((k - 1) * up + down) / k
-        return self._made(ball, up, down, base, extra=(self._number(), degree))
+        return self._made(ball, up, down, base, extra=(self._number(), degree), form=form)
 
     def _number(self) -> int:
         self._count += 1
         return self._count
 
-    def transcendental(self, ball: arb) -> Algebraic:
-        """Return a number of which its ball is known, and nothing else."""
-        return Algebraic(ball, None, inf, 0.0, frozenset())
+    def transcendental(self, ball: arb, form: MonomialSum | None = None) -> Algebraic:
+        """Return a number of which its ball is known, and perhaps how it is made, and nothing else."""
+        return Algebraic(ball, None, inf, 0.0, frozenset(), form)
 
     def _made(
-        self, ball: arb, up: float, down: float, *of: Algebraic, extra: tuple[int, int] | None = None
+        self,
+        ball: arb,
+        up: float,
+        down: float,
+        *of: Algebraic,
+        extra: tuple[int, int] | None = None,
+        form: MonomialSum | None = None,
     ) -> Algebraic:
         if up == inf:
-            return self.transcendental(ball)
+            is_nothing = form is not None and not form and ball.is_finite()
+            return self.constant(Fraction(0)) if is_nothing else self.transcendental(ball, form)
         roots = frozenset[tuple[int, int]]().union(*(each.roots for each in of))
-        return Algebraic(ball, None, up, down, roots if extra is None else roots | {extra})
+        return Algebraic(ball, None, up, down, roots if extra is None else roots | {extra}, form)
 
 
 _SPECIAL = {"exp": (0, 1), "log": (1, 0), "sin": (0, 0), "cos": (0, 1), "tan": (0, 0)}
 """The algebraic argument at which a function has an algebraic value, and that value."""
+_UNDOING = {"exp": "log", "log": "exp"}
+
+
+def _form(make: Callable[..., MonomialSum], *of: Algebraic) -> MonomialSum | None:
+    forms = [each.form for each in of if each.form is not None]
+    if len(forms) < len(of):
+        return None
+    try:
+        return make(*forms)
+    except NotAMonomialSumError:
+        return None
 
 
 def _zero_next_to(equation: Callable[[arb], arb], near: arb) -> arb:

@@ -11,7 +11,7 @@ def _sign(argument: float) -> float:
     return math.copysign(1.0, argument) if argument > 0.0 or argument < 0.0 else argument
 
 
-_FUNCTIONS: dict[str, Callable[[float], float]] = {
+FUNCTIONS: dict[str, Callable[[float], float]] = {
     "exp": math.exp,
     "log": math.log,
     "sin": math.sin,
@@ -76,7 +76,7 @@ class ScalarAlgebra:
     def call(self, name: str, argument: float) -> float:
         """Return the function, NaN where it is undefined."""
         try:
-            return _FUNCTIONS[name](argument)
+            return FUNCTIONS[name](argument)
         except ValueError:
             return math.nan
         except OverflowError:

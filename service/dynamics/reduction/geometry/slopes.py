@@ -49,20 +49,18 @@ def derivatives_along(
     body: RigidBody,
     g: Sequence[T],
     order: int,
-    beside: SecondScale[T] | None = None,
+    beside: Sequence[SecondScale[T]] = (),
 ) -> list[T | None]:
     """Return D, X D, … up to the derivative of this order at g = (g1, g2, g3), None where it is 0.
 
-    ``beside`` is for a tape that has u beside g1, g2 and g3.
+    ``beside`` is for a tape that has such inputs beside g1, g2 and g3.
     """
-    assert beside is None or order <= 1
+    assert not beside or order <= 1
     inner: Any = algebra
-    places: Any = [*g, *([] if beside is None else [beside.u])]
+    places: Any = [*g, *(each.u for each in beside)]
     for _ in range(order):
         following = _WithJumps(inner, 1)
-        rates = rates_along(inner, body, places[:3])
-        if beside is not None:
-            rates.append(beside.rate)
+        rates = [*rates_along(inner, body, places[:3]), *(each.rate for each in beside)]
         places = [following.seed(place, (rate,)) for place, rate in zip(places, rates, strict=True)]
         inner = following
     turned = _WithJumps(inner, 1)

@@ -177,7 +177,7 @@ class ExactCurve:
         """Return the place next to ``v`` with this coordinate."""
         algebra, loop = self._algebra, self._loop
         one = algebra.constant(Fraction(1))
-        given = self._root(guess)
+        given = root_near(algebra, guess.coefficients, guess.near)
         square = algebra.multiply(given, given)
         other_sign = 1 if v.sin() > 0 else -1
         sign1, sign3 = (other_sign, loop.g1_sign) if loop.mirrored else (loop.g1_sign, other_sign)
@@ -200,21 +200,6 @@ class ExactCurve:
 
     def _signed(self, size: Algebraic, sign: int) -> Algebraic:
         return size if sign > 0 else self._algebra.negate(size)
-
-    def _root(self, guess: _Guess) -> Algebraic:
-        """Return the root of a polynomial with integer coefficients."""
-        a = guess.coefficients
-        if len(a) == 2:
-            return self._algebra.constant(Fraction(-a[0], a[1]))
-        degree, lead = len(a) - 1, abs(a[-1])
-        # Of a monic polynomial no root is larger than twice the largest root of a coefficient (Fujiwara).
-        largest = max(
-            (log2(abs(a[k])) + (degree - k - 1) * log2(lead)) / (degree - k) for k in range(degree) if a[k]
-        )
-        one = self._algebra.constant(Fraction(1))
-        return self._algebra.root_of(
-            _polynomial(a), guess.near, degree=degree, up=1.0 + max(largest, 0.0), down=log2(lead), of=one
-        )
 
     def _sigma(self, height: Algebraic) -> Algebraic:
         """Return σ > 0 with q σ^n + p σ^m = q (1 − g2²), λ² = p/q."""
@@ -250,6 +235,28 @@ class ExactCurve:
             middle = ((low + high) / 2).mid()
             low, high = (middle, high) if equation(middle) < 0 else (low, middle)
         return high
+
+
+def numbers_near(algebra: AlgebraicAlgebra, near: arb) -> Iterator[Algebraic]:
+    """Yield the roots of small polynomials that a number may be, of low degrees first."""
+    for degree in range(1, MAX_POLYNOMIAL_DEGREE + 1):
+        for coefficients in _small_polynomials(near, degree):
+            yield root_near(algebra, coefficients, near)
+
+
+def root_near(algebra: AlgebraicAlgebra, a: Sequence[int], near: arb) -> Algebraic:
+    """Return the root next to a number of a polynomial with integer coefficients, constant first."""
+    if len(a) == 2:
+        return algebra.constant(Fraction(-a[0], a[1]))
+    degree, lead = len(a) - 1, abs(a[-1])
+    # Of a monic polynomial no root is larger than twice the largest root of a coefficient (Fujiwara).
+    largest = max(
+        (log2(abs(a[k])) + (degree - k - 1) * log2(lead)) / (degree - k) for k in range(degree) if a[k]
+    )
+    one = algebra.constant(Fraction(1))
+    return algebra.root_of(
+        _polynomial(a), near, degree=degree, up=1.0 + max(largest, 0.0), down=log2(lead), of=one
+    )
 
 
 def _longest(coefficients: Sequence[int]) -> int:

@@ -10,6 +10,8 @@ sign where bounds of D itself, and of its first two derivatives, lose all in can
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
+from itertools import chain
 from math import pi
 
 from flint import arb, ctx
@@ -25,9 +27,9 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.algebras.series import SeriesAlgebra, along_curve
 from service.dynamics.formula.tape import Tape
-from service.dynamics.formula.vanishing import VanishingPart, parts_in_g2
+from service.dynamics.formula.vanishing import VanishingPart, parts_in_g2, with_vanishing
 from service.dynamics.reduction.root_finding.gap import equator_point
-from service.dynamics.reduction.root_finding.rest_proof import NEAR_BITS, POINT_BITS, exact_at
+from service.dynamics.reduction.root_finding.rest_proof import NEAR_BITS, POINT_BITS, exact_at, numbers_near
 from service.dynamics.reduction.root_finding.zeros import (
     MAX_ORDER,
     LoopPlace,
@@ -48,6 +50,9 @@ TAYLOR_HALVINGS = 6
 """Times that a cell is halved where Taylor's formula does not settle it."""
 MAX_BRACKET_HALVINGS = 240
 """Most halvings of a bracket by signs: values of 2^-16000 locate a zero of order 16 to 2^-1000 only."""
+ORDER_BITS = 512
+KNOWN_DECIMALS = 9
+"""Zeros of one function that agree in so many decimals are the same, or else are not told apart."""
 ORDER_LOG2_DISTANCE = -12
 """log2 of the distance from a zero at which its order is seen, where algebra does not tell it."""
 
@@ -145,7 +150,8 @@ def order_at_part(half: Half, v: arb) -> tuple[arb, int] | None:
 def _order_of(half: Half, part: VanishingPart, v: arb) -> int | None:
     """Return the order of the zero of D at the place in a ball where a part of the formula vanishes."""
     algebra = AlgebraicAlgebra()
-    place = [algebra.transcendental(x) for x in _place_at(half, v)]
+    g1, g2, g3 = (algebra.transcendental(x) for x in _place_at(half, v))
+    place = [g1, _solution(algebra, part.part, g2.ball) or g2, g3]
 
     def series(highest: int) -> list[Algebraic]:
         powers = SeriesAlgebra(algebra, highest)
@@ -154,6 +160,74 @@ def _order_of(half: Half, part: VanishingPart, v: arb) -> int | None:
         return _turned(powers, part.whole, g, [algebra.constant(Fraction(0)), *rates])
 
     return _first_order(algebra, series)
+
+
+@dataclass(frozen=True, slots=True)
+class ExactPlace:
+    """A g2 at which parts of a formula that depend on it alone vanish, exactly."""
+
+    g2: arb
+    whole: Tape
+    """The formula with the parts as further inputs."""
+    vanishing: tuple[tuple[Tape, int], ...]
+    """These parts, and the orders of their zeros."""
+
+
+def exact_place(tape: Tape, part: Tape, near: arb) -> ExactPlace | None:
+    """Return the place next to a g2 where a part of a formula vanishes, by exact algebra; None if unknown.
+
+    It is a root of a small polynomial, or what makes 0 of a part that is linear in g2.
+    """
+    found: dict[tuple[Tape, float], ExactPlace | None] = tape.derived.setdefault(exact_place, {})
+    # The same for all cells and curves on which the part vanishes there.
+    key = part, round(float(near), KNOWN_DECIMALS)
+    if key not in found:
+        with ctx.workprec(max(ctx.prec, ORDER_BITS)):
+            found[key] = _exact_place(tape, part, near)
+    return found[key]
+
+
+def _exact_place(tape: Tape, part: Tape, near: arb) -> ExactPlace | None:
+    algebra = AlgebraicAlgebra()
+    linear = (_solution(algebra, each.part, near) for each in parts_in_g2(tape))
+    for number in chain(numbers_near(algebra, near), linear):
+        if number is not None and _order_at(algebra, number, part):
+            return ExactPlace(number.ball, *with_vanishing(tape, partial(_order_at, algebra, number)))
+    return None
+
+
+def _order_at(algebra: AlgebraicAlgebra, g2: Algebraic, part: Tape) -> int | None:
+    """Return the order of the zero of a function at an exact g2; None if it is none, or not known."""
+    try:
+        if taylor_of_function(BallAlgebra(), part, g2.ball, 0)[0].contains(0):
+            return _first_order(algebra, partial(taylor_of_function, algebra, part, g2))
+    except (MoreBitsNeededError, NotAlgebraicError):
+        pass
+    return None
+
+
+def taylor_of_function(algebra: Algebra[T], part: Tape, g2: T, order: int) -> list[T]:
+    """Return the Taylor coefficients of a function of g2 about a number, up to an order."""
+    zero = algebra.constant(Fraction(0))
+    if order == 0:
+        return [part.evaluate(algebra, [zero, g2, zero])]
+    series = SeriesAlgebra(algebra, order)
+    nothing = series.series([])
+    return part.evaluate(series, [nothing, series.series([g2, algebra.constant(Fraction(1))]), nothing])
+
+
+def _solution(algebra: AlgebraicAlgebra, part: Tape, near: arb) -> Algebraic | None:
+    """Return the number that makes 0 of a part that is linear in g2, such as g2 − sin(1/3)."""
+    try:
+        # No rule of algebra makes an exact slope of what is not linear about a number that is not known.
+        _, slope = taylor_of_function(algebra, part, algebra.transcendental(near), 1)
+        if not slope.exact:
+            return None
+        (at_nothing,) = taylor_of_function(algebra, part, algebra.constant(Fraction(0)), 0)
+        found = algebra.divide(algebra.negate(at_nothing), slope)
+        return found if algebra.is_zero(taylor_of_function(algebra, part, found, 0)[0]) else None
+    except (MoreBitsNeededError, NotAlgebraicError):
+        return None
 
 
 def _narrowed(

@@ -38,12 +38,12 @@ def bound_on_cell(half: Half, hemisphere: float, low: float, high: float) -> Bou
     """Return what is known of P, or of its slope, on a cell, which may begin at the pole; None if nothing."""
     for log_power in (Fraction(0), LOG_POWER) if low == 0.0 else (Fraction(0),):
         algebra, g = _long(half, hemisphere, low, high, log_power)
-        forms: list[tuple[Tape, SecondScale[LongInterval] | None]] = [(half.tape, None)]
+        forms: list[tuple[Tape, list[SecondScale[LongInterval]]]] = [(half.tape, [])]
         if high < NEAR_POLE_DISTANCE:
             sigma = 1 if hemisphere > 0 else -1
             _, rate, _ = rates_along(algebra, half.body, g)
             drop = SecondScale(_drop(algebra, g), algebra.negate(rate) if sigma > 0 else rate)
-            forms.extend((form, drop) for form in half.pole_forms[sigma])
+            forms.extend((form, [drop]) for form in half.pole_forms[sigma])
         for order in (0,) if low == 0.0 else (0, 1):
             for tape, beside in forms:
                 found = derivatives_along(algebra, tape, half.body, g, order, beside)[order]

@@ -195,8 +195,8 @@ def test_the_mirror_image_has_the_mirror_windows(obstacle):
         (f"{Q}*sin(1/(1-g2^2))", "essential_singularity"),
         # p² = 0 all over g2 < 99/100.
         (f"-{Q}*(abs(g2-99/100)+g2-99/100)^3", "signs_unsettled"),
-        # p² → ∞ at g2 = 3/10 from both sides, like a square that the formula does not show.
-        (f"-g1-{Q}/(exp(g2-3/10)-7/10-g2)", "signs_unsettled"),
+        # p² → ∞ at g2 = 0 from both sides, like a square that no rule shows: exp(2) is exp(1)².
+        (f"-g1-{Q}/(exp(g2+2)-(1+g2)*exp(1)^2)", "signs_unsettled"),
     ],
 )
 def test_what_is_not_settled_is_refused_by_name(text, code):

@@ -54,7 +54,7 @@ def agrees(rigid_body, potential, motion, tier):
 @pytest.mark.random_law
 @pytest.mark.parametrize("tier", ["draft", "standard"])
 def test_random_motions_keep_their_claim(tier):
-    @settings(RANDOM, max_examples=examples(25, 120))
+    @settings(RANDOM, max_examples=examples(13, 120))
     @given(cases(), st.sampled_from(STARTS))
     def check(case, start):
         rigid_body = body(case.A, case.C)
@@ -130,7 +130,7 @@ def test_few_motions_are_left_to_the_quadrature(tier):
 @pytest.mark.random_law
 def test_random_rational_motions_keep_the_claim_of_the_high_tier():
     # 50 are some twelve windows, often of one kind.
-    @settings(RANDOM, max_examples=examples(50, 240))
+    @settings(RANDOM, max_examples=examples(25, 240))
     @given(
         st.tuples(*[coefficient(2)] * 5),
         st.fractions(Fraction(1, 4), 3, max_denominator=20),

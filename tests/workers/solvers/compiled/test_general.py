@@ -14,9 +14,7 @@ from service.dynamics.solution.dense_output import DenseOutput
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.evaluation.program import numbers_of
-from workers.solvers.compiled.general.held import hold
 from workers.solvers.compiled.general.many import solve_pair
-from workers.solvers.compiled.general.nodes import HALVES, PLACES, put_gains, put_series, put_whole_states
 from workers.solvers.compiled.general.records import Asked
 from workers.solvers.compiled.general.run_pair import COLLIDED, INACCURATE, OPEN, VERIFIED
 from workers.solvers.compiled.general.sampling import new_values_at
@@ -24,7 +22,9 @@ from workers.solvers.compiled.general.series import COUNT, ORDER, STATE, take_se
 from workers.solvers.compiled.general.steps import ARRIVED, FAILED, TIRED
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import LANES, first_row, new_rows, number_at, place_of, put_number
-from workers.solvers.compiled.shown.states import WIDTH, evaluate
+from workers.solvers.compiled.residual.nodes import HALVES, PLACES, put_gains, put_series, put_whole_states
+from workers.solvers.compiled.residual.residual import hold
+from workers.solvers.compiled.residual.states import WIDTH, evaluate
 from workers.solvers.integration.compiled import integrator_of, models_of, pair_request, verified_runs
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.run_pair import Span

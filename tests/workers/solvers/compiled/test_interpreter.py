@@ -21,7 +21,7 @@ from workers.solvers.compiled.evaluation.interpreter import (
 )
 from workers.solvers.compiled.evaluation.program import make_program, rests_of
 from workers.solvers.compiled.integrals.known import run_known
-from workers.solvers.compiled.shown.discs import run_discs
+from workers.solvers.compiled.residual.discs import run_discs
 from workers.solvers.compiled.solve_set import new_formula
 
 BODY = body(3, 1)
@@ -29,7 +29,6 @@ OWN_LOOPS = {
     "discs/derivatives.py": "a number is a row with one power of the scale",
     "evaluation/low_degree.py": "degrees of V, no numbers",
     "general/series.py": "every order of a series needs the lower ones",
-    "transverse/jets.py": "Hill's coefficients",
 }
 """Other kernels that read instructions, and why they do."""
 FORMULAS = [

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from flint import arb, arb_series, ctx
 
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
@@ -14,30 +13,13 @@ from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.precession import advance_of
 from workers.solvers.compiled.records import copied, new_records
 from workers.solvers.compiled.solve_set import new_formula
-from workers.solvers.compiled.transverse.functions import derivatives_of_call
-from workers.solvers.compiled.transverse.hill import coefficients
-from workers.solvers.compiled.transverse.jets import WIDTH, D, E, V, Y, evaluate_jets
+from workers.solvers.compiled.transverse.hill import WIDTH, coefficients
 from workers.solvers.compiled.transverse.parts import doubt_of_ends
 from workers.solvers.compiled.transverse.steps import cross
 from workers.solvers.compiled.transverse.turn import ERROR, turn
 from workers.solvers.compiled.workspace import PLACES, WORKSPACE
 
 UNIT = 2.0**-53
-
-
-@pytest.mark.parametrize(
-    ("operation", "name"), [(8, "exp"), (9, "log"), (10, "sin"), (11, "cos"), (12, "tan")]
-)
-@pytest.mark.parametrize("x", [0.3, 1.1, 2.5])
-def test_derivatives_of_functions(operation, name, x):
-    found, third, own = derivatives_of_call(operation, x)
-    with ctx.workprec(100):
-        series = getattr(arb_series([arb(x), 1], 4), name)()
-        exact = [float(series[k]) * math.factorial(k) for k in range(4)]
-    for value, expected, ulps in zip(found, exact[:3], own, strict=True):
-        assert abs(value - expected) <= UNIT * (ulps + abs(expected))
-    # Of the last only the size counts, in bounds.
-    assert third == pytest.approx(exact[3], rel=1e-12)
 
 
 @pytest.mark.parametrize("angle", [0.1, 1.0, 2.0])
@@ -50,26 +32,6 @@ def test_collocation_of_a_rotation(angle):
     assert np.abs(end - expected).max() <= 20 * UNIT
 
 
-def test_jets_of_a_product():
-    program, constants = make_program(formula("g1*g3 + 2/g3^2", body(2, 1)).tape)
-    made = new_formula(*program[:3], constants)
-    jets = np.zeros((8, len(program.code) + 3, WIDTH))
-    g1, g3 = np.linspace(0.1, 0.8, WIDTH), np.linspace(0.5, 0.3, WIDTH)
-    jets[V, 0], jets[V, 1], jets[V, 2] = g1, 0.2, g3
-    jets[D, 0], jets[D, 2], jets[E, 0], jets[E, 2], jets[Y, 2] = -g3, g1, -g1, -g3, 1.0
-    evaluate_jets(made, jets)
-    row = program.result
-    # In φ: (g1 g3)' = g1² − g3², (g1 g3)'' = −4 g1 g3; (g3^−2)' = −2 g1 g3^−3. Along g3: g1 − 4 g3^−3.
-    second = -4.0 * g1 * g3 + 4.0 * (g3**-2 + 3.0 * g1**2 * g3**-4)
-    for part, expected in (
-        (V, g1 * g3 + 2.0 * g3**-2),
-        (D, g1**2 - g3**2 - 4.0 * g1 * g3**-3),
-        (E, second),
-        (Y, g1 - 4.0 * g3**-3),
-    ):
-        assert np.all(np.abs(jets[part, row] - expected) <= UNIT * (jets[4 + part, row] + 40 * abs(expected)))
-
-
 def test_gravity_has_the_coefficient_of_lames_equation():
     """c = −(a/C)(B g1 + ν(2C − B)/2), a = −1; and the turn has a determinant of 1."""
     A, B, C, nu = 2.0, 1.5, 1.0, 1.0
@@ -77,20 +39,22 @@ def test_gravity_has_the_coefficient_of_lames_equation():
     run = solve_batch(
         Batch(program, constants[None], make_frame(body(2, 1), PlanarMotion(None, 1)).shared, "standard")
     )
-    made = new_formula(*program[:3], constants)
+    made = new_formula(program.code, program.result, program.across, constants)
     places = new_records(PLACES)[0]
     v = np.linspace(0.1, 3.0, WIDTH)
     places.sine[:WIDTH], places.cosine[:WIDTH] = np.sin(v), np.cos(v)
     moments = np.array([A, B, C, B - C, A - C, A - B])
     c, errors = np.empty(WIDTH), np.empty(WIDTH)
-    jets = np.empty((8, len(program.code) + 3, WIDTH))
-    coefficients(made, run.loops[0], moments, places, jets, c, errors)
+    coefficients(made, run.loops[0], moments, places, c, errors)
     expected = B * places.g1[:WIDTH] + nu * (2.0 * C - B) / 2.0
     assert np.all(np.abs(c - expected) <= errors + 4 * UNIT)
     assert doubt_of_ends(made, run.loops[0], places, run.panels, len(run.panels)) == 0.0
     out = np.empty(8)
     workspace = new_records(WORKSPACE)
-    assert turn(*program[:3], constants, run.loops, run.panels, run.found, workspace, moments, out)
+    assert turn(
+        program.code, program.result, program.across, constants,
+        run.loops, run.panels, run.found, workspace, moments, out,
+    )  # fmt: skip
     assert abs(np.linalg.det(out[:4].reshape(2, 2)) - 1.0) <= out[ERROR] <= 1e-10
     advance, error = advance_of(copied(run.loops))
     # Golden number of ν = 1.

@@ -38,7 +38,7 @@ def test_defect_drift_and_claim_are_those_of_the_general_code(text):
     found = verified(text)
     dense = DenseOutput(COLUMNS, found.breaks, found.coefficients, None, found.error)
     field = expression_potential(text, {}, BODY)
-    energy = Estimate(found.energy, found.energy_error)
+    energy = Estimate(found.energy, found.energy_error, "estimate")
     shown = check_residual(BODY, field, dense, found.error, energy, is_planar=False)
     assert shown.error == found.error
     assert shown.settled == 1.0

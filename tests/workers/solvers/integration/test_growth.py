@@ -19,6 +19,7 @@ from workers.solvers.compiled.lanes import LANES
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration import solve
 from workers.solvers.integration.compiled import integrator_of
+from workers.solvers.integration.dop853 import Dop853Integrator
 from workers.solvers.integration.run_pair import UNIT_ROUNDOFF, errors_on_the_way, passed_on
 from workers.solvers.integration.solve import GROWTH, integrate_state
 from workers.sweeping.chunk import ChunkSolver
@@ -41,7 +42,8 @@ def nodes_of(J, breaks):
 def passed(J, start, breaks):
     """Return P at the last of the times, without errors on the way."""
     P = start.copy()
-    passed_on(nodes_of(J, breaks), np.diff(breaks), np.zeros((len(breaks) - 1, STATE)), P)
+    nothing = np.zeros((len(breaks) - 1, STATE))
+    passed_on(nodes_of(J, breaks), np.diff(breaks), nothing, nothing, P, np.zeros(STATE))
     return P
 
 
@@ -69,13 +71,19 @@ def test_transitions_have_the_order_six():
 
 def test_errors_of_the_parts_add_as_squares():
     """Without growth n errors of the size σ are one of the size σ √n."""
-    found = passed_on(np.zeros((9, 3, 6, 6)), np.ones(9), np.full((9, 6), 2.0), np.zeros((6, 6)))
+    nothing = np.zeros((9, 6))
+    found, _ = passed_on(
+        np.zeros((9, 3, 6, 6)), np.ones(9), np.full((9, 6), 2.0), nothing, np.zeros((6, 6)), np.zeros(6)
+    )
     assert found == pytest.approx(2.0 * np.sqrt(np.arange(1.0, 10.0)), rel=1e-14)
 
 
 def test_what_is_not_known_lets_nothing_grow():
     nodes = np.full((1, 3, 6, 6), np.nan)
-    assert passed_on(nodes, np.ones(1), np.full((1, 6), 2.0), np.eye(6)) == pytest.approx([np.sqrt(5.0)])
+    error = np.full(6, 3.0)
+    found, errors = passed_on(nodes, np.ones(1), np.full((1, 6), 2.0), np.ones((1, 6)), np.eye(6), error)
+    assert found == pytest.approx([np.sqrt(5.0)])
+    assert errors == pytest.approx([4.0])
 
 
 @pytest.mark.parametrize("axis", range(STATE))
@@ -112,7 +120,7 @@ def test_kernels_and_general_code_find_the_same_growth():
     series, apart = np.pad(run.coefficients, ((0, 0), (0, 0), (0, LANES - STATE))), np.full(STATE, 1e-16)
     model = integrator.equations, run.breaks, series, series.shape[1]
     by_kernels = grown(*model, apart, UNIT_ROUNDOFF, 0.0, float(np.abs(series).max()))
-    found = errors_on_the_way(Equations.of(BODY, field), run, apart, 0.0)
+    found = errors_on_the_way(Equations.of(BODY, field), run, apart, 0.0).deviations
     # J is a difference of rates, with 1e-11 of rounding.
     assert found == pytest.approx(by_kernels[1:], rel=1e-8)
 
@@ -219,3 +227,27 @@ def test_long_runs_that_rest_on_two_obey_the_same(monkeypatch):
             tolerance=1e-10,
         )
     assert caught.value.reached >= 1.9e-6
+
+
+@pytest.mark.parametrize(
+    ("omega", "terms", "end"),
+    [
+        # A top that falls from near the upright position, and a body next to its middle axis: both grow.
+        (("0", "1/1000", "1/2"), [(Fraction(1), 0, 0, 1)], 9.0),
+        (("1/10000", "2", "0"), [(Fraction(1, 10), 1, 0, 0)], -12.0),
+    ],
+)
+def test_the_residual_of_a_run_shows_its_error(omega, terms, end):
+    """DOP853 with a tolerance far above rounding, against long integers: the error itself, no bound of it."""
+    text = " + ".join(f"({c})*g1^{i}*g2^{j}*g3^{k}" for c, i, j, k in terms)
+    field = expression_potential(text, {}, BODY)
+    state = (*map(Fraction, omega), Fraction(3, 5), Fraction(0), Fraction(4, 5))
+    start = np.array([float(x) for x in state])
+    run = Dop853Integrator(BODY, field).run(start, end, local_tolerance=1e-9, max_steps=10_000)
+    found = errors_on_the_way(Equations.of(BODY, field), run, np.zeros(6), 0.0).by_residual
+    moments = BODY.A, BODY.B, BODY.C
+    exact = fixed_point.Motion(moments, tuple(terms)).at(state, [Fraction(end)])
+    truth = np.array([value / 2.0**fixed_point.BITS for value in exact[0]])
+    actual = np.abs(run.coefficients[-1].sum(axis=0) - truth).max()
+    # To first order: what it leaves out is the square of 1e-7, and Φ inside a step, 1e-3 of a step's part.
+    assert found[-1] == pytest.approx(actual, rel=1e-2)

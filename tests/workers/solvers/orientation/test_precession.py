@@ -139,7 +139,7 @@ def test_a_libration_comes_back_in_space_too(name):
     orientation = with_orientation(solved_row(name)[2])
     for angle in PRECESSION:
         # A theorem; the sums along the motion, whose defect is one part of the columns' error, say the same.
-        assert getattr(orientation.precession, angle) == Estimate(0.0, 0.0)
+        assert getattr(orientation.precession, angle) == Estimate(0.0, 0.0, "theorem")
         assert 2 * abs(sums(orientation)[angle]) < orientation.dense.errors[angle] <= 1e-12
     period = orientation.dense.period.hi
     ends = orientation.dense(np.array([0.0, np.nextafter(period, 0.0)]))

@@ -42,6 +42,13 @@ class Program(NamedTuple):
     """The instructions of D = g1 V_3 − g3 V_1, with the same constants."""
     gradient: Instructions
     """The instructions of V and of its derivatives V_1, V_2 and V_3, with the same constants."""
+    tape: Tape
+    """A formula of this structure."""
+
+    @property
+    def across(self) -> Instructions:
+        """Return the instructions of :func:`.derived.across`, with the same constants."""
+        return _INSTRUCTIONS(derived.derived(self.tape, derived.across))
 
     @property
     def key(self) -> bytes:
@@ -105,7 +112,7 @@ def _program(tape: Tape, extra: int) -> tuple[Program, FloatArray]:
             constants.append(np.pi if number is None else nearest_double(number))
         rows.append((_operation(instruction), instruction.left, right, slot))
     turn, gradient = (_INSTRUCTIONS(derived.derived(tape, each)) for each in (derived.turn, derived.gradient))
-    return Program(_code(rows), tape.result, turn, gradient), np.array(constants)
+    return Program(_code(rows), tape.result, turn, gradient, tape), np.array(constants)
 
 
 def _operation(instruction: Instruction) -> int:

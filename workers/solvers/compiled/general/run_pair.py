@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.general.growth import grown
-from workers.solvers.compiled.general.held import hold
 from workers.solvers.compiled.general.records import Asked, Models
 from workers.solvers.compiled.general.sampling import compare, new_values_at, widen
 from workers.solvers.compiled.general.series import COUNT, STATE
@@ -17,6 +16,7 @@ from workers.solvers.compiled.general.steps import ARRIVED, FAILED, SPACING, see
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import LANES
 from workers.solvers.compiled.records import Equations
+from workers.solvers.compiled.residual.residual import hold
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

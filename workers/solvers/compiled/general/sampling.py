@@ -26,7 +26,7 @@ from workers.solvers.compiled.lanes import (
     take,
 )
 from workers.solvers.compiled.records import Equations
-from workers.solvers.compiled.shown.states import WIDTH, evaluate
+from workers.solvers.compiled.residual.states import WIDTH, evaluate
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -9,8 +9,7 @@ from workers.solvers.compiled.evaluation.curve import place, radicands_with_boun
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import NODES, Formula, Loop, Panel, Records
 from workers.solvers.compiled.time_map.series import POINTS, at, distance, last_coefficients
-from workers.solvers.compiled.transverse.hill import coefficients
-from workers.solvers.compiled.transverse.jets import WIDTH
+from workers.solvers.compiled.transverse.hill import WIDTH, coefficients
 from workers.solvers.compiled.transverse.steps import STAGES, WEIGHTS, cross
 from workers.solvers.compiled.workspace import Places
 
@@ -85,7 +84,6 @@ def cross_part(
     about: tuple[float, float, float, float, float],
     moments: FloatArray,
     places: Places,
-    jets: FloatArray,
     stages: FloatArray,
     end: FloatArray,
 ) -> float:
@@ -98,7 +96,7 @@ def cross_part(
     alpha, beta, c, errors = stages[ALPHA], stages[BETA], stages[C], stages[C_ERROR]
     for k in range(WIDTH):
         _put(loop, places, k, panel.anchor, distance(panel, middle + half * STAGES[k]))
-    fastest = coefficients(formula, loop, moments, places, jets, c, errors)
+    fastest = coefficients(formula, loop, moments, places, c, errors)
     for k in range(WIDTH):
         _, slope = at(panel, middle + half * STAGES[k])
         alpha[k], beta[k] = frequency * (slope * half), c[k] / scale * (slope * half)
@@ -123,7 +121,6 @@ def is_integrable(
     scale: float,
     moments: FloatArray,
     places: Places,
-    jets: FloatArray,
     c: FloatArray,
     errors: FloatArray,
 ) -> bool:
@@ -144,7 +141,7 @@ def is_integrable(
         for k in range(WIDTH):
             side = 1.0 if k % 2 else -1.0
             _put(loop, places, k, anchor, w + side * DISTANCES[(k // 2) % 2] / math.pi)
-        coefficients(formula, loop, moments, places, jets, c, errors)
+        coefficients(formula, loop, moments, places, c, errors)
         for k in range(2):
             far = max(abs(c[k]), scale) * DISTANCES[0]
             if not abs(c[2 + k]) * DISTANCES[1] < 0.5 * far:

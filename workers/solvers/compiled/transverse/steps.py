@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.kernels import kernel
-from workers.solvers.compiled.transverse.jets import WIDTH
+from workers.solvers.compiled.transverse.hill import WIDTH
 
 FloatArray = NDArray[np.float64]
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Formula, Instructions, Records
-from workers.solvers.compiled.transverse.jets import WIDTH
+from workers.solvers.compiled.transverse.hill import WIDTH
 from workers.solvers.compiled.transverse.parts import (
     ALPHA,
     ALPHA_ERROR,
@@ -156,20 +156,20 @@ def turn(
     """Fill in the monodromy of (q, M/(B ω)) from u = 0, and say whether that was possible.
 
     ``out``, shape (8,), has the matrix row by row, the error of its trace, the excursion, the largest
-    size of (p, r) and the number of places looked at. ``moments`` are A, B, C, B − C, A − C, A − B.
+    size of (p, r) and the number of places looked at. ``moments`` are A, B, C, B − C, A − C, A − B;
+    ``instructions`` those of :func:`service.dynamics.formula.derived.across`, the first result of which is D.
     """
     loop, places = loops[0], workspaces[0].places
     # No discs are worked on here.
     blank, none = np.empty((0, 0)), np.empty(0)
     registers = new_registers(instructions.code, 2, POINTS)
     formula = Formula(code, result, instructions, constants, none, registers, blank, none, none, none)
-    jets = np.empty((8, code.shape[0] + 3, WIDTH))
     parts, errors = np.empty((4 * MOST, 2, 2)), np.empty(MOST)
     stages, waiting, ranges = np.empty((2 * MOST, ROWS, WIDTH)), np.empty((MOST, 2, 2)), np.empty((MOST, 2))
     frequency = 2.0 * math.pi / founds[0].period
     scale = moments[1] * frequency
     c, noise = stages[0, C], stages[0, C_ERROR]
-    if not is_integrable(formula, loop, scale * frequency, moments, places, jets, c, noise):
+    if not is_integrable(formula, loop, scale * frequency, moments, places, c, noise):
         return False
     doubt = doubt_of_ends(formula, loop, places, panels, len(panels))
     shift = 0.0 if loop.rotates else 2.0 * doubt / loop.half_width
@@ -183,7 +183,7 @@ def turn(
         if count + 2 > 2 * MOST:
             return False
         span = (panel.first, panel.last)
-        cross_part(formula, loop, panel, span, about, moments, places, jets, stages[count], waiting[0])
+        cross_part(formula, loop, panel, span, about, moments, places, stages[count], waiting[0])
         looked_at += WIDTH
         pending = 1
         while pending:
@@ -196,7 +196,7 @@ def turn(
             for half in range(2):
                 span = (left, middle) if half == 0 else (middle, right)
                 to, end = stages[count + half], parts[count + half]
-                fast = cross_part(formula, loop, panel, span, about, moments, places, jets, to, end)
+                fast = cross_part(formula, loop, panel, span, about, moments, places, to, end)
                 speed = max(speed, fast)
             looked_at += 2 * WIDTH
             error, size = _merge(waiting[pending], first, second, product)

@@ -5,12 +5,12 @@ which says by how much a claim is too small: here no claim is ever changed.
 """
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import is_within
 from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE, ResidualEvidence
 from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.motion import Estimate
@@ -18,11 +18,8 @@ from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.solution.dense_output import DenseOutput
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.records import Equations
-from workers.solvers.compiled.shown.stretches import (
-    HIGHEST_DEGREE,
-    defect_and_drift,
-    samples_are_explained,
-)
+from workers.solvers.compiled.residual.nodes import HIGHEST_DEGREE, in_lanes
+from workers.solvers.compiled.residual.residual import hold, samples_are_explained
 
 FloatArray = NDArray[np.float64]
 
@@ -35,18 +32,20 @@ def kept_claim(
     equations = _equations(body, potential)
     if equations is None or not 0 < degree <= HIGHEST_DEGREE or dense.breaks[0] != 0.0:
         return None
-    coefficients = np.ascontiguousarray(dense.coefficients)
-    goal = max(TRUNCATION_SHARE * claim, MIN_TRUNCATION * float(np.abs(coefficients).max(initial=1.0)))
-    defect, drift = defect_and_drift(
+    goal = max(TRUNCATION_SHARE * claim, MIN_TRUNCATION * float(np.abs(dense.coefficients).max(initial=1.0)))
+    is_kept, defect, drift = hold(
         equations,
-        coefficients,
-        dense.breaks[1:] - dense.breaks[:-1],
-        claim,
+        dense.breaks,
+        in_lanes(dense.coefficients),
+        degree + 1,
         goal,
+        inf,
+        True,
+        claim,
         _reference(energy),
         energy.error,
     )
-    return ResidualEvidence(defect, drift, 1.0, claim) if is_within(defect, 2.0 * claim) else None
+    return ResidualEvidence(defect, drift, 1.0, claim) if is_kept else None
 
 
 def samples_keep_claim(

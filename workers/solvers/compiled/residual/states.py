@@ -7,7 +7,7 @@ from workers.solvers.compiled.evaluation.interpreter import run_double
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import LANES, Lanes, place_of, put, spread, take
 from workers.solvers.compiled.records import Equations
-from workers.solvers.compiled.shown.discs import ARITHMETIC, Disc, exactly, minus, plus, run_discs, times
+from workers.solvers.compiled.residual.discs import ARITHMETIC, Disc, exactly, minus, plus, run_discs, times
 
 FloatArray = NDArray[np.float64]
 

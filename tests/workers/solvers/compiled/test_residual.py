@@ -20,9 +20,10 @@ from workers.solvers import evidence
 from workers.solvers.compiled import records
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.evaluation.program import make_program
-from workers.solvers.compiled.shown.evidence import kept_claim, samples_keep_claim
-from workers.solvers.compiled.shown.states import WIDTH, evaluate, integrals_on, largest_rates
-from workers.solvers.compiled.shown.stretches import defect_and_drift
+from workers.solvers.compiled.residual.evidence import kept_claim, samples_keep_claim
+from workers.solvers.compiled.residual.nodes import in_lanes
+from workers.solvers.compiled.residual.residual import hold
+from workers.solvers.compiled.residual.states import WIDTH, evaluate, integrals_on, largest_rates
 
 BODY = body(2, 1, "3/2")
 FORMULAS = (
@@ -190,14 +191,8 @@ def test_the_defect_of_any_polynomials_bounds_what_is_integrated(lengths, seed):
     coefficients = np.random.default_rng(seed).uniform(-1.0, 1.0, (3, 21, 6)) * decay
     dense = DenseOutput((), np.cumsum([0.0, *lengths]), coefficients, None, 1.0)
     # Everything explains integrals within such a claim.
-    defect, _ = defect_and_drift(
-        compiled,
-        coefficients,
-        np.diff(dense.breaks),
-        1e3,
-        1e-6,
-        np.zeros(3),
-        1e3,
+    _, defect, _ = hold(
+        compiled, dense.breaks, in_lanes(coefficients), 21, 1e-6, np.inf, True, 1e3, np.zeros(3), 1e3
     )
     blocks = list(Blocks(dense, equations.at, equations.bound).cut(1e-6))
     found = accumulate(dense, blocks, has_bounds=True)
@@ -245,7 +240,8 @@ def test_a_corner_in_the_long_pieces_of_a_draft_is_settled_without_arrays(width,
     whole = check_residual(
         BODY, problem.potential, motion.dense, motion.dense.error, motion.energy, is_planar=True
     )
-    assert motion.evidence["defect"] == pytest.approx(whole.defect, rel=0.5)
+    # It looks at fewer points, as few as the claim allows: its bound is wider, and still within the claim.
+    assert 0.5 * whole.defect <= motion.evidence["defect"] <= motion.dense.error
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,9 @@
-r"""The residuals of a run in the six equations, bounded on the whole of every step, by compiled code.
+"""Residuals of a function of time in the six equations, bounded on all of every piece by compiled code.
 
-The theorem, the points and the ellipse are those of :mod:`service.dynamics.defect`; what is not settled here,
-or breaks a bound, is left to it.
+It is what :mod:`service.dynamics.defect` computes for a function of time that keeps its claim, with the same
+theorem, points and ellipse: pieces are cut until F is bounded about each stretch so well that interpolation
+leaves out less than the goal, D is summed up from stretch to stretch, and the integrals are compared at all
+points. What is not settled here, or breaks a bound, is left to it.
 """
 
 import math
@@ -9,21 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.defect.stretches import ELLIPSE_RHO
+from service.dynamics.defect.stretches import ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
 from workers.solvers.compiled.blocks import two_sum
 from workers.solvers.compiled.evaluation.interpreter import new_registers
-from workers.solvers.compiled.general.nodes import (
-    HALVES,
-    PLACES,
-    TAILS,
-    put_distances,
-    put_gains,
-    put_part_states,
-    put_series,
-    put_whole_states,
-    whole_disc,
-)
-from workers.solvers.compiled.general.series import STATE
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import (
     ROW,
@@ -36,10 +26,138 @@ from workers.solvers.compiled.lanes import (
     take,
 )
 from workers.solvers.compiled.records import Equations
-from workers.solvers.compiled.shown.states import WIDTH, evaluate, largest_rates
-from workers.solvers.compiled.shown.stretches import DEEPEST, HIGHEST_DEGREE, PARTS, are_explained, disc_of
+from workers.solvers.compiled.residual.nodes import (
+    HALVES,
+    HIGHEST_DEGREE,
+    PLACES,
+    STATE,
+    TAILS,
+    put_distances,
+    put_gains,
+    put_part_states,
+    put_series,
+    put_whole_states,
+    whole_disc,
+)
+from workers.solvers.compiled.residual.states import WIDTH, evaluate, integrals_on, largest_rates
 
 FloatArray = NDArray[np.float64]
+
+DEEPEST = 8
+"""Cuts of a piece into halves."""
+PARTS = 2
+OWN_ROUNDING = 2.0**-50
+"""Rounding error of a state, relative to its size."""
+
+
+@kernel
+def disc_of(
+    series: FloatArray,
+    middle: float,
+    half: float,
+    sum_of_axes: float,
+    centres: FloatArray,
+    radii: FloatArray,
+    T: FloatArray,
+) -> None:
+    """Fill in discs that hold the six polynomials, shape (degree + 1, 6), on an ellipse of a stretch."""
+    count = len(series)
+    # The ellipse lies in a disc of its larger semi-axis.
+    s = 0.5 * (sum_of_axes + 1.0 / sum_of_axes) * half
+    rho = 1.0 + s + math.sqrt(s * (2.0 + s))
+    T[0, 0], T[1, 0], T[0, 1], T[1, 1] = 1.0, middle, 0.0, 1.0
+    for k in range(2, count):
+        T[k, 0] = 2.0 * middle * T[k - 1, 0] - T[k - 2, 0]
+        T[k, 1] = 2.0 * T[k - 1, 0] + 2.0 * middle * T[k - 1, 1] - T[k - 2, 1]
+    for a in range(6):
+        centre, total, slope, steep, first, second, whole = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        up, upper, lower = 1.0, 1.0, 1.0
+        for k in range(count):
+            size = abs(series[k, a])
+            centre += T[k, 0] * series[k, a]
+            slope += T[k, 1] * series[k, a]
+            total += size
+            if k > 0:
+                upper, lower = upper * sum_of_axes, lower / sum_of_axes
+                # |T_k(z) − T_k(0)| on the ellipse of a whole piece.
+                whole += (0.5 * (upper + lower) + (1.0 if k % 2 == 0 else 0.0)) * size
+                steep += k * k * size
+                first += k * k * up * size
+                second += k * k * (k * k - 1.0) / 3.0 * (up / rho if k > 1 else 1.0) * size
+                up *= rho
+        if half == 1.0:
+            wide = whole * (1.0 + SERIES_RELATIVE_ROUNDING)
+        else:
+            slope = abs(slope) + SERIES_RELATIVE_ROUNDING * steep
+            wide = min(s * first, s * slope + 0.5 * s * s * second) * (1.0 + SERIES_RELATIVE_ROUNDING)
+        centres[a], radii[a] = centre, wide + SERIES_RELATIVE_ROUNDING * total
+
+
+@kernel
+def are_explained(
+    equations: Equations,
+    discs: FloatArray,
+    states: FloatArray,
+    integrals: FloatArray,
+    count: int,
+    claim: float,
+    reference: FloatArray,
+    slack: float,
+) -> tuple[bool, float]:
+    """Say whether an error ``claim`` of each state explains its integrals; return the largest departure too.
+
+    Where the kinetic energy alone does not, V and all others are bounded on discs about the state.
+    """
+    drift = 0.0
+    centres, radii, found = np.empty(6), np.empty(6), np.empty((2, 3))
+    for m in range(count):
+        energy, areas, length = slack, 0.0, 0.0
+        for a in range(3):
+            omega, gamma = abs(states[a, m]), abs(states[3 + a, m])
+            energy += claim * omega * equations.moments[a]
+            areas += claim * (omega + gamma) * equations.moments[a]
+            length += claim * 2.0 * gamma
+        far, astray, long = (
+            abs(integrals[0, m] - reference[0]),
+            abs(integrals[1, m] - reference[1]),
+            abs(integrals[2, m] - reference[2]),
+        )
+        if not (far < math.inf and astray < math.inf and long < math.inf):
+            return False, math.nan
+        drift = max(drift, far, astray, long)
+        if far <= energy and astray <= areas and long <= length:
+            continue
+        for a in range(6):
+            centres[a], radii[a] = states[a, m], claim + OWN_ROUNDING * abs(states[a, m])
+        integrals_on(equations, discs, centres, radii, found)
+        for k in range(3):
+            if not abs(found[0, k] - reference[k]) <= found[1, k] + (slack if k == 0 else 0.0):
+                return False, drift
+    return True, drift
+
+
+@kernel
+def samples_are_explained(
+    equations: Equations,
+    samples: FloatArray,
+    claim: float,
+    reference: FloatArray,
+    slack: float,
+) -> bool:
+    """Say whether an error ``claim`` explains the integrals of all samples, shape (n, 6)."""
+    code = equations.gradient.code
+    registers, discs = new_registers(code, 1, WIDTH), new_registers(code, 2, 1)
+    states, rates, integrals = np.empty((6, WIDTH)), np.empty((6, WIDTH)), np.empty((3, WIDTH))
+    for begin in range(0, len(samples), WIDTH):
+        count = min(WIDTH, len(samples) - begin)
+        for m in range(count):
+            for a in range(6):
+                states[a, m] = samples[begin + m, a]
+        evaluate(equations, registers, states, rates, integrals, count)
+        is_good, _ = are_explained(equations, discs, states, integrals, count, claim, reference, slack)
+        if not is_good:
+            return False
+    return True
 
 
 @kernel

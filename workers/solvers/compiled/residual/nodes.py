@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.defect.stretches import DEFAULT_INTERVALS, ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
+from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
-from workers.solvers.compiled.general.series import STATE
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import (
+    LANES,
     ROW,
     combine,
     number_at,
@@ -22,11 +23,14 @@ from workers.solvers.compiled.lanes import (
     spread,
     take,
 )
-from workers.solvers.compiled.shown.stretches import HIGHEST_DEGREE
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+STATE = len(COLUMNS)
+"""Variables of a state."""
+HIGHEST_DEGREE = 24
+"""Highest degree of pieces; those of higher degree need more points than there are here."""
 LEVELS = (16, 20, 24, 28, DEFAULT_INTERVALS)
 """Numbers of intervals between the points: the first that leaves out no more than is allowed is taken."""
 HALF = DEFAULT_INTERVALS // 2
@@ -66,6 +70,13 @@ _K = np.arange(HIGHEST_DEGREE + 1.0)
 GROWTH = 0.5 * (ELLIPSE_RHO**_K + ELLIPSE_RHO**-_K) + (_K % 2 == 0)
 GROWTH[0] = 0.0
 """|T_k(z) − T_k(0)| on the ellipse of a whole piece."""
+
+
+def in_lanes(coefficients: FloatArray) -> FloatArray:
+    """Return series as kernels have them: beside the six variables two columns of 0."""
+    padded = np.zeros((*coefficients.shape[:2], LANES))
+    padded[:, :, :STATE] = coefficients
+    return padded
 
 
 @kernel

@@ -1,0 +1,163 @@
+"""Integrals that have names, on whatever axes of the body they lie.
+
+A candidate is a formula made for the body and the field; whether it is an integral there is proved by who
+asks. Sources: Euler 1758, Lagrange 1788, Kovalevskaya 1889, Brun 1893, Goriachev 1900 and 1916, Chaplygin
+1901 and 1903, see :mod:`service.dynamics.further_integrals`.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Literal
+
+from service.dynamics.discovery.functions import Functions, Quotient
+from service.dynamics.discovery.setting import VELOCITIES, substituted
+from service.dynamics.formula.parser import parse
+from service.dynamics.formula.tree import VARIABLES, Symbol, Tree
+from service.dynamics.potentials.terms.bound_formula import MOMENTS
+
+IntegralName = Literal[
+    "energy",
+    "areas",
+    "geometric",
+    "euler",
+    "lagrange",
+    "spherical",
+    "kovalevskaya",
+    "chaplygin",
+    "goriachev",
+    "goriachev_chaplygin",
+    "brun",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A function that is an integral in some settings.
+
+    ``text`` is a formula for it, up to a factor that is a number where the letters are.
+    """
+
+    name: IntegralName
+    value: Quotient
+    text: str
+
+
+_ZERO, _HALF = Fraction(0), Fraction(1, 2)
+
+_TEMPLATES: tuple[tuple[IntegralName, tuple[str, ...], int], ...] = (
+    ("euler", ("A^2*p^2 + B^2*q^2 + C^2*r^2",), 1),
+    ("lagrange", ("r",), 3),
+    ("spherical", ("v1*p + v2*q + v3*r",), 1),
+    ("kovalevskaya", ("p^2 - q^2 - (v1*g1 - v2*g2)/C", "2*p*q - (v1*g2 + v2*g1)/C"), 3),
+    ("chaplygin", ("p^2 - q^2 + c1*g3^2/C", "2*p*q + c2*g3^2/C"), 3),
+    (
+        "goriachev",
+        (
+            "p^2 - q^2 - (v1*g1 - v2*g2)/C + c1*g3^2/C - b1*(g1^2 - g2^2)/(C*g3^2)",
+            "2*p*q - (v1*g2 + v2*g1)/C + c2*g3^2/C - 2*b1*g1*g2/(C*g3^2)",
+        ),
+        3,
+    ),
+    ("goriachev_chaplygin", ("r*(p^2 + q^2 + b1/(2*C*g3^2)) - g3*(v1*p + v2*q)/C",), 3),
+    ("brun", ("A^2*p^2 + B^2*q^2 + C^2*r^2 - mu*(B*C*g1^2 + C*A*g2^2 + A*B*g3^2)",), 1),
+)
+"""Names, parts with the coefficients of V in them, and the number of axes that may be the third one."""
+_WITHOUT_FIELD = 2
+"""The first templates, which have no coefficients in them."""
+
+
+def candidates(field: Functions) -> Iterator[Candidate]:
+    """Yield what may be an integral for the moments and the potential of the field."""
+    setting = field.setting
+    given = dict(zip(MOMENTS, setting.moments, strict=True))
+    terms = _laurent_terms(field, field.value(setting.tape(setting.potential)))
+    for name, parts, turns in _TEMPLATES if terms is not None else _TEMPLATES[:_WITHOUT_FIELD]:
+        for turn in range(turns):
+            names: dict[str, Tree] = {}
+            for old in (VELOCITIES, VARIABLES, MOMENTS):
+                for place, each in enumerate(old):
+                    names[each] = Symbol(old[(place + turn) % 3])
+            coefficients = _coefficients(field, terms or {}, turn)
+            made = [substituted(substituted(parse(part), names), {**given, **coefficients}) for part in parts]
+            values = [field.value(setting.tape(each)) for each in made]
+            total = values[0]
+            if len(values) > 1:
+                first, second = (field.multiply(each, each) for each in values)
+                total = field.add(first, second)
+            if total.numerator:
+                yield Candidate(name, total, _text(field, values))
+
+
+def _text(field: Functions, parts: Sequence[Quotient]) -> str:
+    """Return the sum of the squares of the parts, or the one part, times a denominator of letters."""
+    common = field.ring.constant(1)
+    for part in parts:
+        if not any(int(degree) for degree in part.denominator.degrees()[: field.first_letter]):
+            common = common * part.denominator / common.gcd(part.denominator)
+    scale = Quotient(common, field.ring.constant(1))
+    texts = [field.quotient_text(field.multiply(scale, part)) for part in parts]
+    return texts[0] if len(texts) == 1 else " + ".join(f"({text})^2" for text in texts)
+
+
+def _laurent_terms(field: Functions, V: Quotient) -> dict[tuple[int, int, int], Quotient] | None:
+    """Return the coefficients of V by the exponents of g1, g2, g3; None if it is no Laurent polynomial."""
+    content = V.denominator.term_content()
+    shift = [int(k) for k in content.degrees()]
+    places = [field.ring.variable_to_index(name) for name in VARIABLES]
+    below = V.denominator / content
+    if any(int(k) for k in below.degrees()[: field.first_letter]) or any(shift[: field.atoms]):
+        return None
+    parts: dict[tuple[int, int, int], dict[tuple[int, ...], int]] = {}
+    for exponents, coefficient in V.numerator.terms():
+        whole = [int(k) for k in exponents]
+        if any(whole[: field.atoms]):
+            return None
+        key = (whole[places[0]], whole[places[1]], whole[places[2]])
+        for place in places:
+            whole[place] = 0
+        parts.setdefault(key, {})[tuple(whole)] = int(coefficient)
+    rest = V.denominator
+    for place in places:
+        if shift[place]:
+            rest = rest / field.ring.gens()[place] ** shift[place]
+    found: dict[tuple[int, int, int], Quotient] = {}
+    for (i, j, k), terms in parts.items():
+        exponents3 = (i - shift[places[0]], j - shift[places[1]], k - shift[places[2]])
+        found[exponents3] = Quotient(field.ring.from_dict(terms), rest)
+    return found
+
+
+def _coefficients(
+    field: Functions, terms: Mapping[tuple[int, int, int], Quotient], turn: int
+) -> dict[str, Tree]:
+    """Return the coefficients of V that formulas have, with the axes turned."""
+    zero = field.constant(_ZERO)
+
+    def take(*exponents: int) -> Quotient:
+        place = [0, 0, 0]
+        for axis, exponent in enumerate(exponents):
+            place[(axis + turn) % 3] = exponent
+        return terms.get((place[0], place[1], place[2]), zero)
+
+    squares = [take(*(2 * (axis == each) for each in range(3))) for axis in range(3)]
+    moments = [field.value(field.setting.tape(each)) for each in field.setting.moments]
+    difference = field.subtract(squares[0], squares[1])
+    mu = zero
+    for i, j in ((0, 1), (1, 2), (2, 0)) if turn == 0 else ():
+        gap = field.subtract(moments[i], moments[j])
+        if gap.numerator:
+            twice = field.add(squares[i], squares[i])
+            mu = field.divide(field.subtract(twice, field.add(squares[j], squares[j])), gap)
+            break
+    half = field.constant(_HALF)
+    found = {
+        "v1": take(1, 0, 0),
+        "v2": take(0, 1, 0),
+        "v3": take(0, 0, 1),
+        "c1": field.multiply(half, difference),
+        "c2": field.multiply(half, take(1, 1, 0)),
+        "b1": take(0, 0, -2),
+        "mu": mu,
+    }
+    return {name: parse(field.quotient_text(each)) for name, each in found.items()}

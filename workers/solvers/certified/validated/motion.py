@@ -1,0 +1,174 @@
+"""The motion of a body from an exact state, proven: its samples as balls, and a function of time in doubles.
+
+The error of the function of time is a theorem too: what the radius of a step, the terms that are left out and
+the roundings of its coefficients and of its evaluation make together.
+"""
+
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import lru_cache
+from math import comb
+
+import numpy as np
+from flint import arb, ctx
+from numpy.typing import NDArray
+
+from service.dynamics.body import RigidBody
+from service.dynamics.errors import MissingMomentError
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball
+from service.dynamics.formula.tape import Tape
+from service.dynamics.motion import COLUMNS, Estimate, Motion
+from service.dynamics.problem import Problem, TimePeriods
+from service.dynamics.sampling import exact_instants, sample_times
+from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, DenseOutput
+from workers.solvers.certified.certify import Certified
+from workers.solvers.certified.errors import CertifiedUnavailableError
+from workers.solvers.certified.validated.enclose import (
+    Enclosure,
+    ProvenStretch,
+    ProvenTrajectory,
+    Start,
+    Watch,
+    enclose,
+)
+from workers.solvers.certified.validated.step import UPWARDS, upper
+from workers.solvers.certified.validated.system import EulerPoisson
+
+FloatArray = NDArray[np.float64]
+
+KEPT = 2.0**-56
+"""Terms of the function of time that are below this part of the largest one are left out."""
+EVALUATION = 4
+"""Roundings per term of a Chebyshev series that is evaluated by Clenshaw's recurrence, and its time's."""
+
+
+def prove_motion(
+    problem: Problem, body: RigidBody, start: Start, *, watch: Watch | None = None
+) -> tuple[Motion, Certified]:
+    """Return the motion of a body from a state, rounded to doubles, and its enclosures at the asked times.
+
+    Raises
+    ------
+    MissingMomentError
+        The body has no B.
+    CertifiedUnavailableError
+        V has no formula, times are in periods, or as :func:`.enclose`.
+    """
+    potential = problem.potential
+    if not potential.has_formula:
+        raise CertifiedUnavailableError("its potential has no formula", pointer="/potential")
+    if isinstance(problem.time, TimePeriods):
+        message = "steps prove no period; accepted are start, stop and samples, or times"
+        raise CertifiedUnavailableError(message, pointer="/time/periods")
+    if body.B is None:
+        raise MissingMomentError("an integration needs the moment B", pointer="/body/B")
+    instants = exact_instants(problem.time) if problem.wants_series else []
+    system = EulerPoisson(body, potential.tape)
+    bits = problem.accuracy.bits
+    found = enclose(system, start, instants, bits, watch=watch)
+    with ctx.workprec(found.precision):
+        energy = energy_of(body, potential.tape, start())
+    certified = Certified(None, energy, found.states, tuple(map(ball, instants)), bits, "steps")
+    dense = function_of_time(found)
+    times = sample_times(problem.time, None)
+    samples = np.array([[float(value) for value in state] for state in found.states])
+    motion = Motion(
+        method="integration",
+        dense=dense,
+        times=times.doubles[: len(instants)],
+        samples=samples.reshape(-1, len(COLUMNS)),
+        error=dense.error,
+        samples_kind="theorem",
+        function_kind="theorem",
+        energy=Estimate(float(energy), float(abs(energy - float(energy)).abs_upper()), "theorem"),
+        window=None,
+        aperiodic=None,
+        past=None,
+        future=None,
+        cross_check=None,
+        conventions=(),
+        evidence={"steps": len(dense.breaks) - 1, "precision": found.precision},
+        low_parts=times.low_parts[: len(instants)],
+    )
+    return motion, certified
+
+
+def energy_of(body: RigidBody, potential: Tape, state: Sequence[arb]) -> arb:
+    """Return the ball of (A p² + B q² + C r²)/2 + V."""
+    squares = zip((body.A, body.B or Fraction(0), body.C), state, strict=False)
+    kinetic = sum((ball(moment / 2) * rate * rate for moment, rate in squares), arb(0))
+    return kinetic + potential.evaluate(BallAlgebra(), state[3:6])
+
+
+def function_of_time(found: Enclosure) -> DenseOutput:
+    """Return the first six variables in doubles over all steps, with bounds of their errors."""
+    pieces = [
+        (trajectory, stretch)
+        for trajectory, order in ((found.backward, -1), (found.forward, 1))
+        if trajectory is not None
+        for stretch in trajectory.stretches[::order]
+    ]
+    edges = [min(each.step.begin, each.step.begin + each.step.length) for _, each in pieces]
+    last = pieces[-1][1].step
+    edges.append(max(last.begin, last.begin + last.length))
+    breaks = np.array([float(edge) for edge in edges])
+    series = [_chebyshev(stretch) for _, stretch in pieces]
+    sizes = np.max([np.abs(each).max(axis=1) for each in series], axis=0)
+    needed = np.nonzero(sizes > KEPT * sizes.max())[0]
+    degree = max(1, int(needed.max()))
+    latest = float(np.abs(breaks).max())
+    errors = np.max(
+        [
+            _radius(trajectory, stretch) + _rounding(stretch, each, degree, latest)
+            for (trajectory, stretch), each in zip(pieces, series, strict=True)
+        ],
+        axis=0,
+    )
+    coefficients = np.array([each[: degree + 1] for each in series], dtype=np.float64)
+    by_name = dict(zip(COLUMNS, (UPWARDS * errors).tolist(), strict=True))
+    return DenseOutput(COLUMNS, breaks, coefficients, None, max(by_name.values()), by_name)
+
+
+def _radius(trajectory: ProvenTrajectory, stretch: ProvenStretch) -> FloatArray:
+    unit = arb(2) ** -trajectory.precision
+    return np.array([upper(unit * width) for width in stretch.step.spread[: len(COLUMNS)].tolist()])
+
+
+def _rounding(stretch: ProvenStretch, series: FloatArray, degree: int, latest: float) -> FloatArray:
+    """Return bounds of what a piece leaves out and of all its roundings.
+
+    The place of a time in its piece is known to a few roundings of the latest time; a derivative of T_k is
+    below k².
+    """
+    sizes = np.abs(series)
+    late = latest / abs(float(stretch.step.length)) + 1.0
+    squares = np.arange(degree + 1)[:, None] ** 2
+    moved = EVALUATION * late * (squares * sizes[: degree + 1]).sum(axis=0)
+    terms = (EVALUATION * degree + len(sizes)) * sizes.sum(axis=0)
+    left_out = sizes[degree + 1 :].sum(axis=0)
+    return np.asarray(left_out + UNIT_ROUNDOFF * (moved + terms))
+
+
+def _chebyshev(stretch: ProvenStretch) -> FloatArray:
+    """Return the coefficients of Chebyshev polynomials on the piece, in the direction of time."""
+    curves = stretch.step.curves[: len(COLUMNS)]
+    terms = np.zeros((max(curve.length() for curve in curves), len(curves)))
+    for column, curve in enumerate(curves):
+        terms[: curve.length(), column] = [float(c) for c in curve.coeffs()]
+    series: FloatArray = _to_chebyshev(len(terms)) @ terms
+    if stretch.step.length < 0:
+        series[1::2] *= -1.0
+    return series
+
+
+@lru_cache(maxsize=16)
+def _to_chebyshev(count: int) -> FloatArray:
+    """Return the matrix from coefficients of τ^k to those of T_j(x), τ = (1 + x)/2, all of which are ≥ 0.
+
+    With x = cos 2φ: τ^k = cos^2k φ = 2^(1 − 2k) Σ' C(2k, k − j) cos 2jφ, the first of the sum halved.
+    """
+    matrix = np.zeros((count, count))
+    for k in range(count):
+        for j in range(k + 1):
+            matrix[j, k] = float(Fraction(comb(2 * k, k - j) * (2 if j else 1), 4**k))
+    return matrix

@@ -1,0 +1,216 @@
+r"""One proven step: where the motion from an exact point is, and how its neighbours move beside it.
+
+A polynomial P of high order is computed from the point, P(0), and taken as it is: exact numbers. Its defect
+d = P' − f(P) is bounded on the whole step by curves (:mod:`.curves`), and so is the Jacobian J of f in a tube
+about P. With |J| ≤ K, number by number, a motion that starts within r of P(0) stays within
+
+.. math:: e^{hK} r + h\,\varphi_1(hK)\,|d|, \qquad \varphi_1(z) = (e^z - 1)/z,
+
+of P as long as that is inside the tube, hence to the end: the mean value of J between two points of the tube
+is bounded by K. This proves too that f has no singularity there. The same bound for the variational equation
+M' = J M, whose solution is guessed in doubles as a polynomial of low order, encloses the derivative of the
+flow on the whole tube; only this multiplies the errors of earlier steps (Lohner). Sizes of errors are doubles
+rounded upwards, in units of 2^−precision, so that no precision underflows.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from flint import arb, arb_poly, ctx
+from numpy.typing import NDArray
+
+from service.dynamics.formula.algebras.ball import ball
+from workers.solvers.certified.validated.curves import (
+    Curve,
+    StepCurves,
+    StepTooLongError,
+    grow,
+    size,
+)
+from workers.solvers.certified.validated.system import Recorded
+
+FloatArray = NDArray[np.float64]
+
+FLOW_DEGREE = 24
+"""Degree in time of the derivative of the flow: it has all digits of doubles where series fall like 4^−k."""
+FLOW_BITS = 64
+"""Precision of the Jacobian's curves; they are then cut to doubles."""
+UPWARDS = 1.0 + 2.0**-40
+"""More than all roundings of the sums of at most 2^10 doubles ≥ 0 and of their products below."""
+ROUNDING = 2.0**-44
+"""Bound of the rounding errors of sums of at most 2^8 products, relative to the sum of their sizes."""
+STEEPEST = 10.0
+"""Steps are so short that no row of hK has a larger sum, in fit units: bounds grow with its exponential."""
+TUBE = 2.0**8
+"""The tube is so many times wider than what enters it."""
+TINY = 1e-300
+"""Added to what may have underflown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Taylor:
+    """The polynomial of a step before its length is known: coefficients of powers of the time since it."""
+
+    coefficients: tuple[tuple[arb, ...], ...]
+    """One row per variable."""
+    longest: Fraction
+    """Length up to which the terms that are left out are about 2^−precision."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProvenStep:
+    """A proven step from ``begin`` on, of signed length ``length``; τ = (t − begin)/length is in [0, 1]."""
+
+    begin: Fraction
+    length: Fraction
+    curves: tuple[Curve, ...]
+    """P, with exact coefficients."""
+    error: FloatArray
+    """Bound of |y − P| of the motion from P(0), in units of 2^−precision, shape (d,)."""
+    flow: FloatArray
+    """Coefficients of the derivative of the flow, shape (FLOW_DEGREE + 1, d, d)."""
+    flow_error: FloatArray
+    """Its bound, for all τ and all starts in the tube, shape (d, d)."""
+    spread: FloatArray
+    """Bound of |y − P| of all motions from within the radius of the start, in the same units."""
+
+
+def taylor(system: Recorded, point: Sequence[arb], order: int) -> Taylor:
+    """Return the Taylor polynomial of the motion from an exact point, as exact numbers.
+
+    Raises
+    ------
+    StepTooLongError
+        f has no series there.
+    """
+    rows = [tuple(row) for row in grow(system.right_side, point, order)]
+    if not all(c.is_finite() for row in rows for c in row):
+        raise StepTooLongError("the equations have no series where the step begins")
+    sizes = [max(1.0, abs(float(start))) for start in point]
+    return Taylor(tuple(rows), _longest(rows, sizes, order))
+
+
+def _longest(rows: Sequence[tuple[arb, ...]], sizes: Sequence[float], order: int) -> Fraction:
+    """Return about the length h at which the last two terms are 2^−precision, a number of few bits."""
+    logarithms = []
+    for k in (order - 1, order):
+        largest = max((abs(row[k]) / scale for row, scale in zip(rows, sizes, strict=True)), key=float)
+        if largest > 0:
+            logarithms.append((-ctx.prec - _log2(largest)) / k)
+    return rounded_length(2.0 ** min(logarithms)) if logarithms else Fraction(2) ** 64
+
+
+def _log2(value: arb) -> float:
+    return float(value.log() / arb.const_log2())
+
+
+def rounded_length(length: float) -> Fraction:
+    """Return a number of ten bits just below, so that places of steps are short numbers."""
+    mantissa, exponent = np.frexp(length)
+    return Fraction(int(mantissa * 1024)) * Fraction(2) ** (int(exponent) - 10)
+
+
+def prove(
+    system: Recorded, found: Taylor, begin: Fraction, length: Fraction, radius: FloatArray
+) -> ProvenStep:
+    """Return the step of this length from within ``radius`` of the polynomial's start.
+
+    Raises
+    ------
+    StepTooLongError
+        The proof fails.
+    """
+    order, unit = len(found.coefficients[0]) - 1, arb(2) ** -ctx.prec
+    powers, h = [arb(1)], ball(length)
+    for _ in range(order):
+        powers.append(powers[-1] * h)
+    curves = tuple(
+        arb_poly([(c * power).mid() for c, power in zip(row, powers, strict=True)])
+        for row in found.coefficients
+    )
+    rates = system.right_side.run(StepCurves(order), curves)
+    missed = [curve.derivative() - h * rates.get(row, arb_poly()) for row, curve in enumerate(curves)]
+    defect = np.array([upper(size(each) / unit) for each in missed])
+    tube = TUBE * (radius + defect) + 1.0
+    jacobian, rest = _jacobian(system, curves, h, [unit * width for width in tube.tolist()])
+    K = UPWARDS * (np.abs(jacobian).sum(axis=0) + rest)
+    exponential, phi = _bounds(K)
+    error = UPWARDS * (phi @ defect)
+    spread = UPWARDS * (exponential @ radius + error)
+    if not np.all(spread < tube):
+        # e^K is above TUBE.
+        raise StepTooLongError("the motion may leave the tube")
+    flow, flow_error = _flow(jacobian, rest, phi)
+    return ProvenStep(begin, length, curves, error, flow, flow_error, spread)
+
+
+def upper(value: arb) -> float:
+    """Return a double that is not below |value|."""
+    bound = float(arb(value.abs_upper()))
+    if not bound < np.inf:
+        raise StepTooLongError("a number is not bounded")
+    return bound * UPWARDS + TINY
+
+
+def _jacobian(
+    system: Recorded, curves: Sequence[Curve], h: arb, tube: Sequence[arb]
+) -> tuple[FloatArray, FloatArray]:
+    """Return h J in the tube: coefficients (FLOW_DEGREE + 1, d, d), and a bound of what they lack (d, d)."""
+    count = system.dimension
+    coefficients = np.zeros((FLOW_DEGREE + 1, count, count))
+    rest = np.zeros((count, count))
+    with ctx.workprec(FLOW_BITS):
+        algebra = StepCurves(FLOW_DEGREE)
+        wide = [algebra.cut(curve) + arb(0, width) for curve, width in zip(curves, tube, strict=True)]
+        for place, entry in system.jacobian.run(algebra, wide).items():
+            row, column = divmod(place, count)
+            terms = (algebra.cut(entry) * h).coeffs()
+            coefficients[: len(terms), row, column] = [float(term) for term in terms]
+            radii = sum((term.rad() for term in terms), arb(0))
+            rest[row, column] = upper(arb(radii)) + ROUNDING * np.abs(coefficients[:, row, column]).sum()
+    if not np.isfinite(coefficients).all():
+        raise StepTooLongError("the Jacobian is not bounded")
+    return coefficients, rest
+
+
+def _bounds(K: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return upper bounds of e^K and (e^K − 1)/K for a matrix of numbers ≥ 0.
+
+    In units of the variables in which the sums of its rows are about equal: its eigenvector ≥ 0, nearly.
+    """
+    power = np.eye(len(K)) + K
+    for _ in range(4):
+        power = power @ power
+        power = power / power.max()
+    units = np.exp2(np.round(np.log2(power.sum(axis=1).clip(TINY))))
+    scaled = K * units / units[:, None]
+    if not scaled.sum(axis=1).max() <= STEEPEST:
+        raise StepTooLongError("neighbours may part too fast")
+    term = phi = np.eye(len(K))
+    for k in range(1, 8 * int(STEEPEST)):
+        term = term @ scaled / k
+        phi = phi + term / (k + 1)
+    # What is left is below a geometric series of ratio 1/8 from a term whose rows' sums are below 1e-38.
+    phi = UPWARDS * (phi + 1e-30) * units[:, None] / units
+    return UPWARDS * (np.eye(len(K)) + K @ phi), phi
+
+
+def _flow(jacobian: FloatArray, rest: FloatArray, phi: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return M, M(0) = 1, and a bound of its error from the defect of M' = h J M."""
+    count, last = len(rest), len(jacobian) - 1
+    # (i, a, b) → (a, i b), the highest power first: one product per coefficient.
+    reversed_rows = jacobian[::-1].transpose(1, 0, 2).reshape(count, -1)
+    flow = np.empty((last + 1, count, count))
+    flow[0] = np.eye(count)
+    for k in range(last):
+        used = reversed_rows[:, (last - k) * count :]
+        flow[k + 1] = used @ flow[: k + 1].reshape(-1, count) / (k + 1)
+    sizes, slopes = np.abs(flow), np.abs(jacobian)
+    # Σ_{i ≥ m} |J_i| for m = last, …, 0, which multiply |M_0|, …, |M_last|.
+    tails = np.cumsum(slopes[::-1], axis=0)
+    defect = np.einsum("kab,kbc->ac", tails, sizes)
+    defect += (rest + ROUNDING * tails[-1]) @ sizes.sum(axis=0)
+    error = phi @ (UPWARDS * defect) + ROUNDING * sizes.sum(axis=0)
+    return flow, UPWARDS * error

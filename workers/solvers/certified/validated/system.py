@@ -1,0 +1,165 @@
+"""Autonomous systems y' = f(y) that can be integrated with proof, and the equations of a rigid body as one.
+
+A system writes its right side once, over any algebra. It is recorded, with its Jacobian, as instructions
+without zeros and without anything computed twice; these are run over series and over curves.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Protocol, TypeVar, cast
+
+from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebras.jets import FirstOrderJets
+from service.dynamics.formula.tape import Instruction, Operation, Tape
+from service.dynamics.formula.traces import Traced, Tracer
+
+T = TypeVar("T")
+
+
+class System(Protocol):
+    """An autonomous system of ordinary differential equations."""
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables."""
+
+    def right_side(self, algebra: Algebra[T], state: Sequence[T]) -> Sequence[T]:
+        """Return f(y), computed in ``algebra`` from as many variables."""
+
+
+@dataclass(frozen=True, slots=True)
+class SystemProgram:
+    """Several results of one tape; None is a result that is 0."""
+
+    tape: Tape
+    results: tuple[int | None, ...]
+
+    def run(self, algebra: Algebra[T], inputs: Sequence[T]) -> dict[int, T]:
+        """Return the results at the inputs by their places, without those that are 0."""
+        registers = self.tape.registers(algebra, inputs)
+        return {place: registers[result] for place, result in enumerate(self.results) if result is not None}
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """The programs of a system."""
+
+    dimension: int
+    right_side: SystemProgram
+    jacobian: SystemProgram
+    """Its results are ∂f_i/∂y_j, row by row."""
+
+
+def record(system: System) -> Recorded:
+    """Return the programs of a system."""
+    count = system.dimension
+    tracer = _ZeroTracer()
+    inputs = [tracer.variable(f"y{number}") for number in range(count)]
+    jets = FirstOrderJets[Traced](tracer, count)
+    found = system.right_side(jets, jets.variables(inputs))
+    values = [jet.value for jet in found]
+    slopes = [slope for jet in found for slope in jet.first]
+    return Recorded(count, _program(tracer, inputs, values), _program(tracer, inputs, slopes))
+
+
+class _ZeroTracer(Tracer):
+    """A tracer with few operations, without terms and factors that are 0 and factors of 1: V may lack any."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.zero = self.constant(Fraction(0))
+        self._one = self.constant(Fraction(1))
+
+    def add(self, left: Traced, right: Traced) -> Traced:
+        """Return left + right."""
+        return right if left is self.zero else left if right is self.zero else super().add(left, right)
+
+    def subtract(self, left: Traced, right: Traced) -> Traced:
+        """Return left - right."""
+        if left is self.zero:
+            return self.negate(right)
+        return left if right is self.zero else super().subtract(left, right)
+
+    def multiply(self, left: Traced, right: Traced) -> Traced:
+        """Return left · right."""
+        if left is self.zero or right is self.zero:
+            return self.zero
+        return left if right is self._one else right if left is self._one else super().multiply(left, right)
+
+    def negate(self, operand: Traced) -> Traced:
+        """Return -operand."""
+        return operand if operand is self.zero else super().negate(operand)
+
+    def power(self, base: Traced, exponent: Fraction) -> Traced:
+        """Return base^exponent by products, quotients and powers that are no multiples of 1/2 but ±1/2."""
+        numerator, denominator = exponent.as_integer_ratio()
+        if denominator > 2:
+            return super().power(base, exponent)
+        if denominator == 2:
+            base = super().power(base, Fraction(1 if numerator > 0 else -1, 2))
+        power = base
+        for digit in bin(abs(numerator))[3:]:
+            power = self.multiply(power, power)
+            power = self.multiply(power, base) if digit == "1" else power
+        return power if denominator == 2 or numerator > 0 else self.divide(self._one, power)
+
+    def call(self, name: str, argument: Traced) -> Traced:
+        """Return the function; tan as a quotient."""
+        if name != "tan":
+            return super().call(name, argument)
+        return self.divide(super().call("sin", argument), super().call("cos", argument))
+
+
+def _program(
+    tracer: _ZeroTracer, inputs: Sequence[Traced], results: Sequence[Traced | None]
+) -> SystemProgram:
+    wanted = [None if each is None or each is tracer.zero else each for each in results]
+    registers = {each.number: register for register, each in enumerate(inputs)} | {-1: -1}
+    written: list[Instruction] = []
+    for number, step in tracer.steps([each for each in wanted if each is not None]):
+        if step.operation != "variable":
+            registers[number] = len(inputs) + len(written)
+            operation = cast("Operation", step.operation)
+            left, right = registers[step.left], registers[step.right]
+            written.append(Instruction(operation, left, right, step.number, step.name))
+    names = tuple(f"y{number}" for number in range(len(inputs)))
+    places = tuple(None if each is None else registers[each.number] for each in wanted)
+    return SystemProgram(Tape(names, tuple(written), -1), places)
+
+
+@dataclass(frozen=True, slots=True)
+class EulerPoisson:
+    """The six variables (p, q, r, g1, g2, g3) of a body in the field of V, a tape over g1, g2, g3."""
+
+    body: RigidBody
+    potential: Tape
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables."""
+        return 6
+
+    def right_side(self, algebra: Algebra[T], state: Sequence[T]) -> Sequence[T]:
+        """Return I⁻¹ (Iω × ω + γ × ∇V) and γ × ω."""
+        body, (p, q, r, g1, g2, g3) = self.body, state
+        A, B, C = body.A, body.C if body.B is None else body.B, body.C
+        jets = FirstOrderJets(algebra, 3)
+        V1, V2, V3 = jets.gradient(self.potential.evaluate(jets, jets.variables((g1, g2, g3))))
+
+        def minor(a: T, b: T, c: T, d: T) -> T:
+            return algebra.subtract(algebra.multiply(a, b), algebra.multiply(c, d))
+
+        def turned(moment: Fraction, difference: Fraction, product: T, torque: T) -> T:
+            gyroscopic = algebra.multiply(algebra.constant(difference / moment), product)
+            return algebra.add(gyroscopic, algebra.multiply(algebra.constant(1 / moment), torque))
+
+        return (
+            turned(A, B - C, algebra.multiply(q, r), minor(g2, V3, g3, V2)),
+            turned(B, C - A, algebra.multiply(p, r), minor(g3, V1, g1, V3)),
+            turned(C, A - B, algebra.multiply(p, q), minor(g1, V2, g2, V1)),
+            minor(r, g2, q, g3),
+            minor(p, g3, r, g1),
+            minor(q, g1, p, g2),
+        )
