@@ -89,10 +89,15 @@ SHARED = "chromium_path", "postgres", "service"
 """Parameters and fixtures of the session that are dear to start, one for each process that runs tests."""
 
 
-def _place(item: pytest.Item) -> int:
+def _needed(item: pytest.Item) -> set[str]:
+    """Return the fixtures of a test, and its parameters that are words."""
     callspec = getattr(item, "callspec", None)
-    chosen = map(str, callspec.params.values()) if callspec else ()
-    needed = {*getattr(item, "fixturenames", ()), *chosen}
+    chosen = (each for each in callspec.params.values() if isinstance(each, str)) if callspec else ()
+    return {*getattr(item, "fixturenames", ()), *chosen}
+
+
+def _place(item: pytest.Item) -> int:
+    needed = _needed(item)
     return next((place for place, name in enumerate(SHARED) if name in needed), len(SHARED))
 
 
@@ -106,8 +111,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> Iterator[None]:
     for item in items:
         if is_hypothesis_test(getattr(item, "obj", None)):
             item.add_marker("random_law")
-        callspec = getattr(item, "callspec", None)
-        if callspec and callspec.params.get("url") == "postgres" and item.get_closest_marker("any_database"):
+        if "postgres" in _needed(item) and item.get_closest_marker("any_database"):
             item.add_marker("long")
     yield
     items.sort(key=_place)
