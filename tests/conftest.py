@@ -1,6 +1,7 @@
 import os
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import is_hypothesis_test, settings
@@ -58,6 +59,8 @@ def pytest_configure(config: pytest.Config) -> None:
     allow_compiling()
     keep_compiled_code()
     collect_seldom()
+    if _may_hold_files(MEMORY):
+        os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
     if IS_POSSIBLE and config.getoption("tx", None):
         config.pluginmanager.register(ForkedWorkers())
     if (listed := config.option.durations) is not None:
@@ -67,6 +70,19 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_xdist_auto_num_workers() -> int | None:
     """Return two more than there are processors: tests also wait, for their processes or for time to pass."""
     return len(os.sched_getaffinity(0)) + 2 if sys.platform == "linux" else None
+
+
+MEMORY = Path("/dev/shm")
+"""Folder for what tests write: a disk takes milliseconds for each commit of SQLite, and there are many."""
+_ENOUGH_BYTES = 4 * 10**9
+
+
+def _may_hold_files(folder: Path) -> bool:
+    """Tell whether files there are in memory, of which there is enough, and programs among them may run."""
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        return False
+    about = os.statvfs(folder)
+    return about.f_bavail * about.f_frsize >= _ENOUGH_BYTES and not about.f_flag & os.ST_NOEXEC
 
 
 SHARED = "chromium_path", "postgres", "service"

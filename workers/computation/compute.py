@@ -173,7 +173,8 @@ def _solve_in(
     document: Part, problem: Problem, units: Units, deadline: "_Deadline"
 ) -> tuple[SolutionSummary, DenseOutput, dict[str, FloatArray]]:
     """Return the summary of the solution, its function of time and its columns, solved in ``units``."""
-    posed, certified, enclosures = units.pose(problem), None, dict[str, FloatArray]()
+    posed, enclosures = units.pose(problem), dict[str, FloatArray]()
+    proven, certified = None, None
     if problem.accuracy.tier == "certified":
         slow = Fraction(units.slow)
         solved, proven, enclosures = certified_samples(posed, watch=lambda t: deadline.reach(t * slow))
@@ -181,7 +182,7 @@ def _solve_in(
     else:
         solved = solve(posed)
     motion = _require_finite(units.motion(solved), problem.tolerance)
-    outputs = compute_outputs(problem, motion, InUnits(units, posed, solved))
+    outputs = compute_outputs(problem, motion, InUnits(units, posed, solved, proven))
     # The orientation is more columns on the same pieces.
     attitude = None if outputs.orientation is None else outputs.orientation.dense
     errors = errors_of(motion, attitude)
