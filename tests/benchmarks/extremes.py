@@ -227,8 +227,7 @@ HEAD = f"""
 
 Written by `python -m tests.benchmarks.extremes`. V = a1 g1 + b1/g3² + c1 (g1² − g2²), A = 2, C = 1, from the
 default start, {SAMPLES} samples over one period unless said otherwise. Errors are the largest in any of the
-six variables, against the motion in balls of {BITS} bits; times are the processor's, of a single run. A code
-is a refusal.
+six variables, against the motion in balls of {BITS} bits; times are of a single run. A code is a refusal.
 
 The tiers go the way of `auto`, which knows the closed form of these potentials; the errors of `certified` are
 those of its doubles, its enclosures are far smaller. Where doubles do not keep a tier, it has these
