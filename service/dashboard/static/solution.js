@@ -1,5 +1,5 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ENDS, ago, asked, bodyText, copier, during, exact, fill, get, h, knownCases, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
+import { $, ENDS, ago, asked, bodyText, copier, download, during, exact, fill, get, h, knownCases, measured, motionText, number, pause, potentialText, remember, run, troubleOf } from "./core.js";
 import { centreOf, Clock, drawnBody, framesOf, momentsOf, multipliers, turningBody } from "./body.js";
 import { pointed } from "./chart.js";
 import { between, drifts, namesOf, overTime, phasePlane, samplesOf, SHOWN, stale } from "./series.js";
@@ -78,13 +78,6 @@ function files(solution) {
       copier("Copy as curl", () => `curl -s '${url}${query(stretch())}' -H 'Accept: text/csv'`),
       copier("Copy as Python", () => `import numpy as np\nimport polhode as ph\n\nmotion = ph.connect(${JSON.stringify(new URL(".", document.baseURI).href)}).solution("${solution.id}")\n`
         + `samples = motion.${samples(stretch())}\nprint(samples.gamma, samples.error)\n`)));
-}
-
-async function download(path, name) {
-  const content = await (await request(path, { headers: { Accept: "*/*" } })).blob();
-  const link = h("a", { href: URL.createObjectURL(content), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
 async function show() {

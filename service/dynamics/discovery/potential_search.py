@@ -57,7 +57,7 @@ class _Ring:
     A: fmpz_mpoly
     C: fmpz_mpoly
     kernels: "dict[_Block, list[fmpz_mpoly]]" = field(default_factory=dict)
-    """What was found: each is asked for by blocks above it, and beside others."""
+    """Bases that were found: each is asked for by blocks above it, and beside others."""
 
     @property
     def gamma(self) -> tuple[fmpz_mpoly, ...]:

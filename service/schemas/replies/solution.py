@@ -95,7 +95,7 @@ class PrecessionOut(ResponseModel):
 
 
 class StabilityOut(ResponseModel):
-    """Whether small disturbances leave the plane of the motion."""
+    """Whether small disturbances leave a periodic motion, or the plane of a planar one."""
 
     trace: float | EnclosureOut = Field(
         description="μ + 1/μ over the period of the six variables; an enclosure in the tier certified."
@@ -120,8 +120,8 @@ class StabilityOut(ResponseModel):
         description="The trace from Lamé's equation, where it applies: a second, independent value."
     )
     trusted_time: float | None = Field(
-        description="Until this time at best, double precision keeps the problem's tolerance; null if beyond"
-        " a million periods."
+        description="Until this time at best, double precision keeps the problem's tolerance, in the tier"
+        " certified that of the tier standard; null if beyond a million periods."
     )
 
 

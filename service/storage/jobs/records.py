@@ -10,7 +10,6 @@ from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import Annotation
 from service.schemas.reading.documents import Document
 from service.storage.annotations import annotations_of
-from service.storage.codecs.packing import decode_document
 from service.storage.database.database import Database
 from service.storage.database.rows import instant, optional_instant, rows_of_page
 from service.storage.searching.pages import find
@@ -23,6 +22,9 @@ def jobs_of(session: Session, rows: Sequence[JobRow]) -> tuple[Job, ...]:
     made_by = [row.id for row in rows if row.kind == JobKind.STUDY.value and row.finished_at is not None]
     results: dict[str, Document] = {}
     if made_by:
+        # A worker, which finishes jobs and shows none, loads no arrays.
+        from service.storage.codecs.packing import decode_document  # noqa: PLC0415
+
         columns = select(ResultRow.job_id, ResultRow.data).where(ResultRow.job_id.in_(made_by))
         results = {job_id: decode_document(data) for job_id, data in session.execute(columns)}
     annotations = annotations_of(session, rows)

@@ -8,6 +8,9 @@ from flint import arb, ctx
 
 from service.dynamics.formula.algebras.ball import ball
 from service.jobs.records import Solved
+from service.schemas.replies.solution_text import describe_solution
+from service.schemas.sweep.sweep import kept_numbers
+from service.storage.codecs.summary import summary_columns
 from tests.conformance.classical.specimens import FREE, LOOPS, WORKED, document, placed, random_documents
 from tests.support import fixed_point
 from tests.support.effort import one_in
@@ -110,6 +113,17 @@ def test_the_precession_is_enclosed():
     still = summary({"A": 2, "B": 2, "C": 1}, "-g1 + 1/20/g3^2", {"type": "planar", "nu": 1},
                     ("orientation",), accuracy=CERTIFIED)  # fmt: skip
     assert still["precession"]["psi1"] == {"value": "0", "radius": "0"}
+
+
+def test_a_trace_in_balls_is_a_number_to_lists_sweeps_and_people():
+    found = certified("3", "-g1", "2")
+    trace = found["stability"]["trace"]
+    assert summary_columns(found["problem"], found)["trace"] == float(trace["value"])
+    value, error = kept_numbers(found, ["stability.trace", "stability.trace.error"])
+    # The error is that of the double, a rounding more than the radius.
+    assert (value, error) == (float(trace["value"]), pytest.approx(float(trace["radius"]), rel=1e-2))
+    (line,) = (line for line in describe_solution(found) if line.startswith("stability"))
+    assert line == f"stability   unstable, trace {trace['value']} ± {trace['radius']} (theorem)"
 
 
 def test_a_motion_that_does_not_close_has_no_multipliers():
