@@ -73,6 +73,21 @@ def test_the_nearest_admissible_potential_is_one_click_away(tab):
     refusals_of_half_filled_forms(tab)
 
 
+def test_the_bodies_for_which_a_potential_would_be_admissible_are_one_click_away(tab):
+    """V = g1 (4 g1² + 3 g3²): the polynomial of A = 4C, and of no other body."""
+    stated = {**problem("first"), "potential": {"type": "expression", "expression": "g1*(4*g1^2 + 3*g3^2)"}}
+    stated["body"] = {"A": 2, "C": 3}
+    page = tab.open(state_in(stated))
+    verdict = page.locator("#verdict")
+    expect(verdict).to_contain_text("For A/C = 4 it would be admissible, for no other ratio of the moments.")
+    page.get_by_role("button", name="Use A/C = 4").click()
+    expect(page.get_by_label("A", exact=True)).to_have_value("12")
+    expect(verdict).to_contain_text("Admissible —")
+    page.get_by_label("V, a formula").fill("g1^3 + g2^2*g1 + g3")
+    expect(verdict).to_contain_text("There is no ratio A/C for which it would be admissible.")
+    refusals_of_half_filled_forms(tab)
+
+
 def test_what_is_of_the_last_problem_is_grey(tab):
     page = tab.open(state_in(problem("first")))
     settle(page)

@@ -38,7 +38,7 @@ def test_it_tells_for_which_lambda_there_is_a_motion(atlas):
     assert lines[0].startswith("λ from 0.5 to 0.58696474")
     assert lines[0].endswith("no motion")
     assert "a window appears" in lines[1]
-    assert "periodic, rest to equator" in lines[3]
+    assert "periodic, turns at rest, crosses the equator" in lines[3]
 
 
 def test_json_and_a_picture(atlas, tmp_path):

@@ -255,7 +255,7 @@ def test_a_report_has_the_problem_and_every_output(here, base):
         "motion",
         "times",
         "period",
-        "window",
+        "range",
         "stability",
         "precession",
     } <= set(words)

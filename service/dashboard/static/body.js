@@ -103,13 +103,17 @@ export async function framesOf(ask, periods, isStored) {
   return null;
 }
 
-/** Return the moments of the body that is drawn, and what is said of them: without B its place is in the middle. */
+/** Return the moments of a body: of a classical case some may follow from the case, which the evidence has. */
+export const momentsOf = ({ problem: { body }, evidence }) => Object.fromEntries(["A", "B", "C"].map((name) => [name, body[name] ?? (typeof evidence?.[name] === "number" ? evidence[name] : null)]));
+
+/** Return the moments of the box that is drawn, and what is said of them: without B its place is in the middle. */
 export function drawnBody({ A, B, C }) {
+  if (A === null || C === null) return { moments: [1, 1, 1], note: "The moments that follow from the case are not in this solution: the box is a cube." };
   const [a, c] = [A, C].map(exact);
+  if (B !== null) return { moments: [a, exact(B), c], note: `A box with the moments of inertia of the body, B = ${number(exact(B), 6)}.` };
   const [least, most] = [Math.abs(a - c), a + c];
-  const b = B == null ? (least + most) / 2 : exact(B);
-  return { moments: [a, b, c], note: B == null ? `The problem gives no B: the box has B = ${number(b, 4)}, in the middle of what the other two allow, ${number(least, 4)} to ${number(most, 4)}.`
-    : `A box with the moments of inertia of the body, B = ${number(b, 6)}.` };
+  const b = (least + most) / 2;
+  return { moments: [a, b, c], note: `The problem gives no B: the box has B = ${number(b, 4)}, in the middle of what the other two allow, ${number(least, 4)} to ${number(most, 4)}.` };
 }
 
 /** Return half the sides of a box with these moments of inertia, the longest 0.62. */
@@ -244,7 +248,7 @@ export class Clock {
   seek(time) {
     this.stop();
     const [start, stop] = [this.t[0], this.t.at(-1)];
-    this.move(Math.max(0, Math.min(1, (time - start) / (stop - start))));
+    this.move(Math.max(0, Math.min(1, (time - start) / (stop - start))) || 0); // of a single sample 0/0
   }
 
   move(share) {

@@ -108,6 +108,15 @@ export function useFormula(text) {
   if (parameters !== undefined) at("/potential/parameters").value = parameters;
 }
 
+/** Put the moments of a ratio A/C into the form: C stays if it is a number, and A is as exact as they are. */
+export function useRatio(ratio) {
+  const [above, below = "1"] = ratio.split("/");
+  const C = /^\d+$/.test(at("/body/C").value.trim()) ? at("/body/C").value.trim() : "1";
+  const product = BigInt(above) * BigInt(C);
+  at("/body/C").value = C;
+  at("/body/A").value = below === "1" ? String(product) : `${product}/${below}`;
+}
+
 const MEANT = /; did you mean '(.*)'\?$/;
 
 /** Show each fault at the field that its pointer names, or at the part of the document that it is in. */

@@ -175,7 +175,7 @@ export const logarithmic = (sizes, texts = null) => ({ y: sizes.map((size) => Ma
 /** Draw how far the integrals that need no potential depart from their first values. */
 export async function drifts(body, { columns, error }, clock) {
   const { t, p, q, r, g1, g2, g3 } = columns;
-  if (!p || !g1) return;
+  if (!p || !g1 || body.A === null || body.C === null) return;
   const [A, B, C] = [exact(body.A), body.B == null ? null : exact(body.B), exact(body.C)];
   const at = (k) => A * p[k] * g1[k] + (B === null ? 0 : B * q[k] * g2[k]) + C * r[k] * g3[k];
   const areas = t.map((_, k) => Math.abs(at(k) - at(0)));

@@ -1,6 +1,6 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ENDS, ago, asked, bodyText, copier, during, exact, fill, get, h, knownCases, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
-import { centreOf, Clock, drawnBody, framesOf, multipliers, turningBody } from "./body.js";
+import { $, ENDS, ago, asked, bodyText, copier, download, during, exact, fill, get, h, knownCases, measured, motionText, number, pause, potentialText, remember, run, troubleOf } from "./core.js";
+import { centreOf, Clock, drawnBody, framesOf, momentsOf, multipliers, turningBody } from "./body.js";
 import { pointed } from "./chart.js";
 import { between, drifts, namesOf, overTime, phasePlane, samplesOf, SHOWN, stale } from "./series.js";
 import { pointsOf, turnable } from "./sphere.js";
@@ -80,13 +80,6 @@ function files(solution) {
         + `samples = motion.${samples(stretch())}\nprint(samples.gamma, samples.error)\n`)));
 }
 
-async function download(path, name) {
-  const content = await (await request(path, { headers: { Accept: "*/*" } })).blob();
-  const link = h("a", { href: URL.createObjectURL(content), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
-}
-
 async function show() {
   const solution = await get(`v1/solutions/${encodeURIComponent(asked().get("id") ?? "none")}`);
   const { problem } = solution;
@@ -120,7 +113,7 @@ async function show() {
     const isPlanar = turn.columns.p && turn.columns.g1 && problem.motion.type === "planar";
     $("phase-section").hidden = !isPlanar;
     const pictures = [() => ofBody(stretch, samples), () => curves(turn, clock, samples), () => pointed($("series"), clock),
-      () => drifts(problem.body, stretch, clock), () => isPlanar && phasePlane(turn, clock, samples), () => ofOthers(stretch)];
+      () => drifts(momentsOf(solution), stretch, clock), () => isPlanar && phasePlane(turn, clock, samples), () => ofOthers(stretch)];
     // One at a time, so that the browser can answer to people in between.
     for (const show of pictures) {
       await pause(0);
@@ -136,7 +129,7 @@ function turning(solution, clock) {
   const { problem } = solution;
   const outputs = problem.outputs ?? [];
   const isStored = outputs.includes("orientation");
-  const { moments, note } = drawnBody(problem.body);
+  const { moments, note } = drawnBody(momentsOf(solution));
   const centre = centreOf(problem.potential);
   fill($("turning-more"), isStored ? null : h("button", { type: "button", class: "quiet", onclick: ({ currentTarget }) => during([currentTarget], prove) }, "With its proven error"));
   let asking = null;

@@ -26,19 +26,20 @@ const PROOFS = {
   counterexample: "at one point the residual of the compatibility equation is certainly not zero",
   numeric: "no counterexample was found, which is not a proof",
 };
+const LEAST_SIZE = 0.6; // of a formula's letters: smaller ones cannot be read
 const FINE = 10n ** 40n; // parts of one
 const WANTED = ["h", "F", "G", "curve", "p_squared"];
 
 const PARTS = { potential: "the potential", body: "the body" };
 
-/** Show a verdict, or what it waits for; ``use(formula)`` puts a formula into the form. */
-export function showVerdict(found, faults, use) {
+/** Show a verdict, or what it waits for; ``use(formula)`` and ``useRatio(ratio)`` put a formula and A/C into the form. */
+export function showVerdict(found, faults, use, useRatio) {
   if (found === null) {
     fill($("verdict"), h("p", { class: "notice" }, "The verdict waits for ", [...new Set(faults.map(({ pointer = "" }) => PARTS[pointer.split("/")[1]] ?? "the problem"))].join(" and ") || "the problem", "."),
       faults.slice(0, 3).map(({ message }) => h("p", { class: "hint" }, message)));
     return;
   }
-  const { verdict, proof, counterexample, evidence, nearest, known_cases: known } = found;
+  const { verdict, proof, counterexample, evidence, nearest, ratios, known_cases: known } = found;
   const words = { admissible: "Admissible", inadmissible: "Not admissible", undecided: "Undecided" };
   fill($("verdict"),
     h("p", { class: `verdict ${verdict}` }, h("strong", {}, words[verdict] ?? verdict), ` — ${PROOFS[proof] ?? proof}.`),
@@ -46,7 +47,8 @@ export function showVerdict(found, faults, use) {
       h("span", { class: "value" }, `${number(Number(counterexample.residual.mid), 10)} ± ${number(Number(counterexample.residual.rad), 2)}`), ".") : null,
     evidence?.points ? h("p", { class: "hint" }, `Checked ${evidence.points} points with ${evidence.bits} bits; the largest enclosure of a residual is ${evidence.largest_enclosure}.`) : null,
     knownCases(known),
-    nearest ? nearestOne(nearest, use) : null);
+    nearest ? nearestOne(nearest, use) : null,
+    ratios ? otherBodies(ratios, useRatio) : null);
 }
 
 /** Return the nearest admissible polynomial, how far it is, and what puts it into the form. */
@@ -58,10 +60,39 @@ function nearestOne({ expression, expression_named: named, relative_squared_dist
     h("button", { type: "button", class: "small", onclick: () => use(named ?? expression) }, "Use this"));
 }
 
+/** Return for which bodies the potential would be admissible, each with what puts it into the form. */
+function otherBodies({ ratios, others }, useRatio) {
+  const buttons = ratios.map((ratio) => h("button", { type: "button", class: "small", onclick: () => useRatio(ratio) }, `Use A/C = ${ratio}`));
+  const found = [...ratios.map((ratio) => `A/C = ${ratio}`), ...others.map((polynomial) => `A at the roots of ${polynomial}`)];
+  return h("p", {}, found.length ? `For ${found.join(" and ")} it would be admissible, for no other ratio of the moments. ` : "There is no ratio A/C for which it would be admissible.", buttons);
+}
+
 /** Show h, F, G and what else is known of the motion; of several ways to write one, that with the parameters' names comes first. */
 export function showFormulas(formulas) {
   const shown = WANTED.map((name) => formulas.find((candidate) => candidate.name === name && candidate.formats.mathml)).filter(Boolean);
-  fill($("formulas"), shown.map((one) => h("div", { class: "formula-line" }, formula(one.formats.mathml))));
+  fill($("formulas"), shown.map((one) => inLines(formula(one.formats.mathml))));
+  for (const line of $("formulas").children) { // a long fraction has no place to be broken at
+    const share = line.clientWidth / line.scrollWidth;
+    if (share < 1) line.style.fontSize = `${Math.max(LEAST_SIZE, share)}em`;
+  }
+}
+
+/** Return a formula whose sum goes on in the next line where it is too long for one. */
+function inLines(math) {
+  const terms = [[]];
+  for (const node of [...math.childNodes]) {
+    if (node.localName === "mo" && "+−-".includes(node.textContent) && node.getAttribute("form") !== "prefix") {
+      node.setAttribute("form", "infix"); // at the beginning of a term it would be that of a sign
+      terms.push([]);
+    }
+    terms.at(-1).push(node);
+  }
+  return h("div", { class: "formula-line" }, terms.map((nodes) => {
+    const term = document.createElementNS(MATHML, "math");
+    term.setAttribute("displaystyle", "true");
+    term.append(...nodes);
+    return term;
+  }));
 }
 
 /** Draw the curve |γ₃| = λ |γ₁|^(C/A), the part that the motion fills, and a counterexample, on the sphere. */

@@ -1,6 +1,6 @@
 // A problem is written here; verdict, motions and costs follow while one types.
 import { $, copier, during, exact, fill, get, h, isNotAllowed, number, post, Refusal, run, say, troubleOf } from "./core.js";
-import { asPython, build, fillForm, problemOf, showFaults, useFormula } from "./fields.js";
+import { asPython, build, fillForm, problemOf, showFaults, useFormula, useRatio } from "./fields.js";
 import { showFormulas, showSphere, showVerdict } from "./verdict.js";
 
 const QUIET = 40; // milliseconds after the last key: of what is typed fast not each letter is asked for
@@ -50,7 +50,7 @@ async function look() {
     // To write formulas takes ten times as long as the verdict, which therefore does not wait for them.
     const judged = await ask({ body, potential }, "");
     if (signal.aborted) return;
-    showVerdict(judged.found, judged.faults, (text) => { useFormula(text); changed(); });
+    showVerdict(judged.found, judged.faults, (text) => { useFormula(text); changed(); }, (ratio) => { useRatio(ratio); changed(); });
     const hasFormulas = judged.found?.verdict === "admissible";
     if (!hasFormulas) showFormulas([]);
     stale(false, "verdict", ...(hasFormulas ? [] : ["formulas"]));

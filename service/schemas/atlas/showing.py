@@ -21,6 +21,7 @@ from service.schemas.atlas.replies import (
     AtlasWindowOut,
     ProofOut,
 )
+from service.schemas.replies.response_model import range_in_words
 
 
 def describe_atlas(atlas: AtlasOut) -> str:
@@ -70,7 +71,7 @@ def _part(part: AtlasPartOut) -> Iterator[str]:
 
 def _window(window: AtlasWindowOut) -> str:
     period = "" if window.period is None else f", period {_range(window.period)}"
-    ends = f"{window.ends[0]} to {window.ends[1]}"
+    ends = range_in_words(window.ends)
     return f"  window {window.window}: {window.kind}, {ends}{period}{_stability(window.stability)}"
 
 
@@ -238,7 +239,7 @@ def _bands(across: _Axis, up: _Axis, samples: AtlasSamplesOut, window: AtlasWind
 def _band(up: _Axis, colour: str, window: AtlasWindowOut, known: Sequence[tuple[float, float, float]]) -> str:
     outline = [(x, up.at(high)) for x, _, high in known] + [(x, up.at(low)) for x, low, _ in known[::-1]]
     points = " ".join(f"{x:.1f},{y:.1f}" for x, y in outline)
-    title = f"window {window.window}: {window.kind}, {window.ends[0]} to {window.ends[1]}"
+    title = f"window {window.window}: {window.kind}, {range_in_words(window.ends)}"
     look = f'fill="{colour}" fill-opacity=".45" stroke="{colour}"'
     return f'<polygon points="{points}" {look}><title>{title}</title></polygon>'
 

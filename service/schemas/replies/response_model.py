@@ -1,5 +1,6 @@
-"""The base class of all answers."""
+"""The base class of all answers, and words that several of them and the page share."""
 
+from collections.abc import Iterable, Mapping
 from typing import Literal, get_args
 
 from pydantic import BaseModel, ConfigDict
@@ -20,3 +21,25 @@ class ResponseModel(BaseModel):
 QuadrantOut = Literal["pp", "mp", "pm", "mm"]
 """Signs of g1 and g3."""
 QUADRANTS_OUT: tuple[QuadrantOut, ...] = get_args(QuadrantOut)
+
+ENDS_IN_WORDS: Mapping[str, str] = {
+    "rest": "turns at rest",
+    "equator": "crosses the equator",
+    "pole": "passes a pole",
+    "equilibrium": "tends to an equilibrium",
+    "standstill": "comes to a standstill",
+    "collision": "runs into a collision",
+    "edge": "reaches the edge of the domain",
+}
+"""Words for what a motion does at an end of its range, by the name of the end."""
+STABILITY_IN_WORDS: Mapping[str, str] = {
+    "stable": "linearly stable",
+    "unstable": "linearly unstable",
+    "marginal": "not decided by the linear equation",
+}
+"""Words for how a motion is against leaving its plane, by the verdict."""
+
+
+def range_in_words(ends: Iterable[str]) -> str:
+    """Return what a motion does at the ends of its range, each once."""
+    return ", ".join(dict.fromkeys(ENDS_IN_WORDS[end] for end in ends))

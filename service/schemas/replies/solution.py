@@ -7,7 +7,7 @@ from pydantic import Field
 
 from service.dynamics.bounds import ErrorKind
 from service.schemas.replies.job import ClusterOut, StateName
-from service.schemas.replies.response_model import ResponseModel
+from service.schemas.replies.response_model import ENDS_IN_WORDS, ResponseModel
 from service.schemas.replies.verdict import KnownCaseOut, NoticeOut
 
 
@@ -32,10 +32,9 @@ class WindowOut(ResponseModel):
 
     index: int = Field(description="Its number among the windows of the curve, from 0.")
     ends: tuple[str, str] = Field(
-        description="What the motion does at the smallest and the largest |g1|: `rest` it turns at rest,"
-        " `equator` crosses the equator, `pole` passes a pole, `equilibrium` tends to an equilibrium,"
-        " `standstill` comes to a standstill, `collision` runs into a collision, `edge` reaches the edge of"
-        " the domain."
+        description="What the motion does at the smallest and the largest |g1|: "
+        + ", ".join(f"`{end}`: {words}" for end, words in ENDS_IN_WORDS.items())
+        + "."
     )
     g1: tuple[float, float] = Field(description="g1, with its sign, at the two ends.")
     g2: tuple[float, float] = Field(description="Smallest and largest g2 of the northern arc.")
@@ -234,7 +233,9 @@ class SolutionOut(ResponseModel):
         description="What the solver measured about itself. With a function of time also `defect`, a bound of"
         " what it leaves of the equations of motion, integrated; `drift`, the largest departure of the"
         " energy, the areas integral or γ·γ from its value, between the samples too; `defect_covers`, the"
-        " share of the time for which the bound is a theorem. No claimed error is below what these show."
+        " share of the time for which the bound is a theorem. No claimed error is below what these show. Of a"
+        " classical case also `A`, `B`, `C`, the doubles nearest to the moments, some of which may follow"
+        " from the case."
     )
     cost: CostOut = Field(description="Time of the computation.")
     provenance: ProvenanceOut = Field(description="Version, numerics and machine.")

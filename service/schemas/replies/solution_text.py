@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any  # JSON values: their shapes are those of the resources
 
 from service.dynamics.methods import NO_CROSS_CHECK
+from service.schemas.replies.response_model import STABILITY_IN_WORDS, range_in_words
 
 Part = Mapping[str, Any]
 _SIGNIFICANT = 6
@@ -70,10 +71,10 @@ def describe_solution(summary: Part) -> Iterator[str]:
     yield f"energy      {_estimate(energy)}{_kind(kinds, 'energy')}"
     window = summary["window"]
     if window is not None:
-        (lower, upper), (first, last) = window["ends"], window["g1"]
-        yield f"window      {lower} to {upper}, g1 from {first:.12g} to {last:.12g}"
-    everywhere = "in every variable at the sampled times"
-    yield f"error       ≤ {summary['error']:.1e} {everywhere}{_kind(kinds, 'samples')}"
+        first, last = window["g1"]
+        yield f"range       {range_in_words(window['ends'])}; g1 from {first:.12g} to {last:.12g}"
+    everywhere = "in every variable at the stored samples"
+    yield f"error       claimed: ≤ {summary['error']:.1e} {everywhere}{_kind(kinds, 'samples')}"
     groups = {name: error["relative"] for name, error in (summary.get("errors") or {}).items()}
     if groups:
         parts = (f"{name} {error:.1e}" for name, error in groups.items() if error is not None)
@@ -88,7 +89,8 @@ def describe_solution(summary: Part) -> Iterator[str]:
         trace = _estimate(
             found if isinstance(found, Mapping) else {"value": found, "error": stability["error"]}
         )
-        yield f"stability   {stability['verdict']}, trace {trace}{_kind(kinds, 'stability')}"
+        words = STABILITY_IN_WORDS[stability["verdict"]]
+        yield f"stability   against leaving its plane: {words}, trace {trace}{_kind(kinds, 'stability')}"
     for name, angle in (summary.get("precession") or {}).items():
         yield f"precession  {name} {_estimate(angle)} a period{_kind(kinds, f'precession.{name}')}"
     check, warnings = summary["cross_check"], summary.get("warnings") or []

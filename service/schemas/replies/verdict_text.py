@@ -8,7 +8,7 @@ from fractions import Fraction
 from pydantic import BaseModel, ConfigDict, Field
 
 from service.schemas.reading.documents import Fault
-from service.schemas.replies.response_model import QUADRANTS_OUT
+from service.schemas.replies.response_model import QUADRANTS_OUT, range_in_words
 from service.schemas.replies.verdict import (
     BallOut,
     ClassificationOut,
@@ -215,8 +215,8 @@ def _function(function: FunctionOut) -> str:
 
 
 def _window(window: MotionWindowOut) -> str:
-    (inner, outer), (first, last), (lowest, highest) = window.ends, window.g1, window.g2
+    (first, last), (lowest, highest) = window.g1, window.g2
     return (
-        f" {window.kind}, {inner} to {outer}, g1 from {first:.12g} to {last:.12g}, "
+        f" {window.kind}, {range_in_words(window.ends)}; g1 from {first:.12g} to {last:.12g}, "
         f"g2 from {lowest:.12g} to {highest:.12g}"
     )

@@ -175,7 +175,13 @@ def _energy(problem: Problem, placed: Placed) -> Estimate:
 
 
 def _with_relations(placed: Placed, motion: Motion) -> Motion:
-    """Return ``motion`` with claims that are not below the distance of its samples from the relations."""
+    """Return ``motion`` with claims that are not below the distance of its samples from the relations.
+
+    Its evidence has the moments too, of which a problem may leave out what follows from the case.
+    """
     distance = relations_of(placed).distance(motion.samples, known=motion.error)
-    evidence = {**motion.evidence, DISTANCE: distance}
+    body = placed.body
+    assert body.B is not None
+    moments = {"A": float(body.A), "B": float(body.B), "C": float(body.C)}
+    evidence = {**motion.evidence, **moments, DISTANCE: distance}
     return replace(motion, evidence=evidence, error=largest((motion.error, distance)))

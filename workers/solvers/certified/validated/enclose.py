@@ -240,8 +240,11 @@ def _trajectory(
     while not stretches or abs(t) < abs(end):
         step = _step(system, here, t, end, order, shorter)
         stretches.append(ProvenStretch(step, here))
-        here = _carried(step, here)
         t += step.length
+        try:
+            here = _carried(step, here)
+        except StepTooLongError:
+            raise _TooWideError(t) from None
         if watch is not None:
             watch(t)
         widest = [max(size, abs(float(value))) for size, value in zip(widest, here.middle, strict=True)]
@@ -319,5 +322,6 @@ def _frame(sides: FloatArray) -> FloatArray:
 
 def _solved(frame: FloatArray, bound: FloatArray) -> FloatArray:
     """Return a bound of Q⁻¹x, given one of Qᵀx: Q⁻¹ = (QᵀQ)⁻¹Qᵀ, and |QᵀQ − 1| is below 2^−40 in rows."""
-    assert np.abs(frame.T @ frame - np.eye(len(frame))).sum(axis=1).max() < 2.0**-42
+    if not np.abs(frame.T @ frame - np.eye(len(frame))).sum(axis=1).max() < 2.0**-42:
+        raise StepTooLongError("a frame is not orthogonal")
     return np.asarray(UPWARDS * (bound + 2.0**-40 * bound.max(axis=0)))

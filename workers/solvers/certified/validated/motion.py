@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache, partial
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 from flint import arb, ctx
@@ -41,8 +42,8 @@ KEPT = 2.0**-56
 """Terms of the function of time that are below this part of the largest one are left out."""
 AXES = {"psi1": 0, "psi3": 2}
 """The axis of the body that each azimuth belongs to."""
-EVALUATION = 4
-"""Roundings per term of a Chebyshev series that is evaluated by Clenshaw's recurrence, and its time's."""
+EVALUATION = 8
+"""Roundings of the latest time that move a place on a piece: those of the piece's ends, and of the place."""
 
 
 def prove_motion(
@@ -174,19 +175,19 @@ def function_of_time(found: Enclosure, columns: tuple[str, ...]) -> DenseOutput:
     last = pieces[-1][1].step
     edges.append(max(last.begin, last.begin + last.length))
     breaks = np.array([float(edge) for edge in edges])
-    series = [_chebyshev(stretch) for _, stretch in pieces]
-    sizes = np.max([np.abs(each).max(axis=1) for each in series], axis=0)
+    made = [_chebyshev(stretch) for _, stretch in pieces]
+    sizes = np.max([np.abs(each.series).max(axis=1) for each in made], axis=0)
     needed = np.nonzero(sizes > KEPT * sizes.max())[0]
     degree = max(1, int(needed.max()))
     latest = float(np.abs(breaks).max())
     errors = np.max(
         [
             _radius(trajectory, stretch) + _rounding(stretch, each, degree, latest)
-            for (trajectory, stretch), each in zip(pieces, series, strict=True)
+            for (trajectory, stretch), each in zip(pieces, made, strict=True)
         ],
         axis=0,
     )
-    coefficients = np.array([each[: degree + 1] for each in series], dtype=np.float64)
+    coefficients = np.array([each.series[: degree + 1] for each in made])
     by_name = dict(zip(columns, (UPWARDS * errors).tolist(), strict=True))
     error = max(by_name[name] for name in COLUMNS)
     return DenseOutput(columns, breaks, coefficients, None, error, by_name)
@@ -197,23 +198,30 @@ def _radius(trajectory: ProvenTrajectory, stretch: ProvenStretch) -> FloatArray:
     return np.array([upper(unit * width) for width in stretch.step.spread.tolist()])
 
 
-def _rounding(stretch: ProvenStretch, series: FloatArray, degree: int, latest: float) -> FloatArray:
+def _rounding(stretch: ProvenStretch, piece: "_Piece", degree: int, latest: float) -> FloatArray:
     """Return bounds of what a piece leaves out and of all its roundings.
 
-    The place of a time in its piece is known to a few roundings of the latest time; a derivative of T_k is
-    below k².
+    The place of a time in its piece is known to a few roundings of the latest time, and a derivative of T_k
+    is at most k². In Clenshaw's recurrence a rounding of b_j, which is below Σ (k − j + 1)|a_k|, grows j + 1
+    times at most: all of them together are below Σ (k + 1)³|a_k|.
     """
-    sizes = np.abs(series)
+    sizes, numbers = np.abs(piece.series), np.arange(len(piece.series))[:, None]
     late = latest / abs(float(stretch.step.length)) + 1.0
-    squares = np.arange(degree + 1)[:, None] ** 2
-    moved = EVALUATION * late * (squares * sizes[: degree + 1]).sum(axis=0)
-    terms = (EVALUATION * degree + len(sizes)) * sizes.sum(axis=0)
+    moved = EVALUATION * late * (numbers**2 * sizes).sum(axis=0)
+    evaluated = ((numbers + 1.0) ** 3 * sizes).sum(axis=0)
+    made = (len(sizes) + 4.0) * piece.terms
     left_out = sizes[degree + 1 :].sum(axis=0)
-    return np.asarray(left_out + UNIT_ROUNDOFF * (moved + terms))
+    return np.asarray(left_out + UNIT_ROUNDOFF * (moved + evaluated + made))
 
 
-def _chebyshev(stretch: ProvenStretch) -> FloatArray:
-    """Return the coefficients of Chebyshev polynomials on the piece, in the direction of time."""
+class _Piece(NamedTuple):
+    series: FloatArray
+    """Coefficients of Chebyshev polynomials on the piece, in the direction of time: (terms, columns)."""
+    terms: FloatArray
+    """Sum of the sizes of the polynomial's coefficients, from which they are made, shape (columns,)."""
+
+
+def _chebyshev(stretch: ProvenStretch) -> _Piece:
     curves = stretch.step.curves
     terms = np.zeros((max(curve.length() for curve in curves), len(curves)))
     for column, curve in enumerate(curves):
@@ -221,7 +229,7 @@ def _chebyshev(stretch: ProvenStretch) -> FloatArray:
     series: FloatArray = _to_chebyshev(len(terms)) @ terms
     if stretch.step.length < 0:
         series[1::2] *= -1.0
-    return series
+    return _Piece(series, np.abs(terms).sum(axis=0))
 
 
 @lru_cache(maxsize=16)
