@@ -31,7 +31,7 @@ function factsOf(solution, tolerances) {
       h("span", { class: "error" }, ` γ₁ in [${range.g1.map((x) => number(x, 5)).join(", ")}]`)) : null,
     drift.length ? fact("Drift", drift.map(([name, value], k) => [k ? ", " : "", `${name} `, h("span", { class: "value" }, number(value.drift, 2))]).flat()) : null,
     precession ? fact("Precession ψ in a period", measured(precession.psi1), known("precession.psi1")) : null,
-    stability ? fact("Against leaving its plane", h("span", { class: "value" }, STABILITY[stability.verdict]), h("span", { class: "error" },
+    stability ? fact(solution.problem.motion.type === "classical" ? "Against disturbances" : "Against leaving its plane", h("span", { class: "value" }, STABILITY[stability.verdict]), h("span", { class: "error" },
       " trace "), measured(stability.trace.value === undefined ? { value: stability.trace, error: stability.error } : stability.trace), known("stability")) : null,
     stability?.trusted_time ? fact(`Double precision keeps ${number(exact(accuracy?.tolerance ?? tolerances[solution.tier === "certified" ? "standard" : solution.tier] ?? solution.error), 2)} until`,
       h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`), h("span", { class: "error" }, " at best")) : null,

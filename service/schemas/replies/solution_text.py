@@ -90,7 +90,9 @@ def describe_solution(summary: Part) -> Iterator[str]:
             found if isinstance(found, Mapping) else {"value": found, "error": stability["error"]}
         )
         words = STABILITY_IN_WORDS[stability["verdict"]]
-        yield f"stability   against leaving its plane: {words}, trace {trace}{_kind(kinds, 'stability')}"
+        is_classical = summary.get("problem", {}).get("motion", {}).get("type") == "classical"
+        against = "" if is_classical else "against leaving its plane: "
+        yield f"stability   {against}{words}, trace {trace}{_kind(kinds, 'stability')}"
     for name, angle in (summary.get("precession") or {}).items():
         yield f"precession  {name} {_estimate(angle)} a period{_kind(kinds, f'precession.{name}')}"
     check, warnings = summary["cross_check"], summary.get("warnings") or []
