@@ -34,8 +34,8 @@ from service.storage.jobs.job_store import SqlJobStore
 from service.storage.jobs.worker_registry import SILENT_LEASES
 from service.storage.keys.idempotency_store import IdempotencyStore
 from service.storage.keys.key_store import KeyStore
-from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
+from service.storage.solutions.result_store import ResultStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
@@ -97,7 +97,7 @@ def create_app(
             jobs=SqlJobStore(database),
             solutions=SolutionStore(database),
             audits=AuditStore(database),
-            atlases=AtlasStore(database),
+            results=ResultStore(database),
             sweeps=sweeps,
             sandbox=children,
             verdicts=verdicts,

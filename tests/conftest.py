@@ -1,6 +1,7 @@
 import os
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import is_hypothesis_test, settings
@@ -58,6 +59,8 @@ def pytest_configure(config: pytest.Config) -> None:
     allow_compiling()
     keep_compiled_code()
     collect_seldom()
+    if _may_hold_files(MEMORY):
+        os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
     if IS_POSSIBLE and config.getoption("tx", None):
         config.pluginmanager.register(ForkedWorkers())
     if (listed := config.option.durations) is not None:
@@ -69,14 +72,32 @@ def pytest_xdist_auto_num_workers() -> int | None:
     return len(os.sched_getaffinity(0)) + 2 if sys.platform == "linux" else None
 
 
+MEMORY = Path("/dev/shm")
+"""Folder for what tests write: a disk takes milliseconds for each commit of SQLite, and there are many."""
+_ENOUGH_BYTES = 4 * 10**9
+
+
+def _may_hold_files(folder: Path) -> bool:
+    """Tell whether files there are in memory, of which there is enough, and programs among them may run."""
+    if not folder.is_dir() or not os.access(folder, os.W_OK):
+        return False
+    about = os.statvfs(folder)
+    return about.f_bavail * about.f_frsize >= _ENOUGH_BYTES and not about.f_flag & os.ST_NOEXEC
+
+
 SHARED = "chromium_path", "postgres", "service"
 """Parameters and fixtures of the session that are dear to start, one for each process that runs tests."""
 
 
-def _place(item: pytest.Item) -> int:
+def _needed(item: pytest.Item) -> set[str]:
+    """Return the fixtures of a test, and its parameters that are words."""
     callspec = getattr(item, "callspec", None)
-    chosen = map(str, callspec.params.values()) if callspec else ()
-    needed = {*getattr(item, "fixturenames", ()), *chosen}
+    chosen = (each for each in callspec.params.values() if isinstance(each, str)) if callspec else ()
+    return {*getattr(item, "fixturenames", ()), *chosen}
+
+
+def _place(item: pytest.Item) -> int:
+    needed = _needed(item)
     return next((place for place, name in enumerate(SHARED) if name in needed), len(SHARED))
 
 
@@ -90,8 +111,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> Iterator[None]:
     for item in items:
         if is_hypothesis_test(getattr(item, "obj", None)):
             item.add_marker("random_law")
-        callspec = getattr(item, "callspec", None)
-        if callspec and callspec.params.get("url") == "postgres" and item.get_closest_marker("any_database"):
+        if "postgres" in _needed(item) and item.get_closest_marker("any_database"):
             item.add_marker("long")
     yield
     items.sort(key=_place)

@@ -14,6 +14,7 @@ from polhode.jobs import Job
 from polhode.listings import Listing
 from polhode.lists import JobList
 from polhode.motions import Motion
+from polhode.studies import Answer, Hit, Numbers
 from polhode.sweeps import Point, Sweep
 from polhode.transport.steps import operation
 from polhode.verdicts import Judgement
@@ -34,6 +35,9 @@ CLASSES = {
     "Part": Part,
     "Band": Band,
     "Change": Change,
+    "Answer": Answer,
+    "Numbers": Numbers,
+    "Hit": Hit,
     "Listing": Listing,
 }
 ERRORS = sorted(

@@ -33,8 +33,8 @@ from service.settings import Settings
 from service.storage.database.cached_reads import CachedReads
 from service.storage.database.database import Database
 from service.storage.jobs.worker_registry import WorkersState
-from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
+from service.storage.solutions.result_store import ResultStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.upkeep.presence import ServicePresence
@@ -98,7 +98,8 @@ class Resources:
     jobs: JobStore
     solutions: SolutionStore
     audits: AuditStore
-    atlases: AtlasStore
+    results: ResultStore
+    """Atlases, and answers of studies."""
     sweeps: SweepStore
     sandbox: Sandbox
     verdicts: VerdictQueue

@@ -19,6 +19,7 @@ from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
 from service.schemas.reading.annotation_in import MarksPatchIn
 from service.schemas.reading.documents import Document, Fault
 from service.schemas.replies.job import ProblemDetailsOut
+from service.schemas.study.reading import MODELS as STUDIES
 from service.schemas.sweep.reading import SweepIn
 from service.versions import version_of
 
@@ -88,6 +89,7 @@ def describe(app: FastAPI) -> dict[str, Any]:
             (AtlasIn, "validation"),
             (AuditIn, "validation"),
             (SweepIn, "validation"),
+            *((model, "validation") for model in STUDIES.values()),
             (ProblemDetailsOut, "serialization"),
         ],
         ref_template=_TEMPLATE,
@@ -214,6 +216,8 @@ LEADS_TO: Mapping[str, Mapping[str, str]] = {
     "SweepStateOut": {"sweep_id": "/id"},
 }
 """For each model the path parameters that it has the values of, as JSON pointers into it."""
+UNLINKED = ("get_result",)
+"""Operations to which no answer leads: most jobs have no result."""
 
 
 def describe_links(paths: Mapping[str, Mapping[str, dict[str, Any]]]) -> None:
@@ -226,6 +230,7 @@ def describe_links(paths: Mapping[str, Mapping[str, dict[str, Any]]]) -> None:
         for path, operations in paths.items()
         if (names := _path_parameters(path))
         for operation in operations.values()
+        if operation["operationId"] not in UNLINKED
     ]
     for operations in paths.values():
         for operation in operations.values():

@@ -30,6 +30,7 @@ from service.api.routes import (
     events,
     installation,
     jobs,
+    studies,
     validations,
 )
 from service.api.routes.solutions import audits, citations, enclosures, provenance, solutions, trajectory
@@ -81,6 +82,7 @@ def install(app: FastAPI) -> None:
             provenance,
             sweeps,
             points,
+            studies,
             installation,
             events,
             changes,

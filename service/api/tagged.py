@@ -25,10 +25,10 @@ from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, NPZ, prefe
 from service.api.formats.packages import ZIP
 from service.api.replies.conditional import IMMUTABLE, REVALIDATE, matching_tag, tag_of_resource, validators
 from service.api.replies.errors import ApiError
-from service.jobs.records import AtlasNotFoundError, SolutionNotFoundError, SweepNotFoundError
+from service.jobs.records import ResultNotFoundError, SolutionNotFoundError, SweepNotFoundError
 from service.schemas.reading.annotation import Annotation
 from service.storage.database.cached_reads import Read
-from service.storage.solutions.atlas_store import known_atlas
+from service.storage.solutions.result_store import known_atlas, known_study
 from service.storage.solutions.standing import SolutionStanding, standing_and_annotation, standing_of
 from service.storage.sweeps.sweep_store import SweepStanding, sweep_standing_of
 
@@ -103,6 +103,7 @@ TAGGED: Mapping[str, Tagged[Any]] = {
     "/v1/solutions/{solution_id}/citation": Tagged(standing_of, _solved, _for_ever, CITATIONS),
     "/v1/solutions/{solution_id}/provenance": Tagged(standing_of, _solved, _for_now, _JSON),
     "/v1/atlases/{atlas_id}": Tagged(known_atlas, _as_it_is, _for_ever, {name: name for name in FORMATS}),
+    "/v1/jobs/{job_id}/result": Tagged(known_study, _as_it_is, _for_ever, _JSON),
     "/v1/sweeps/{sweep_id}/points": Tagged(sweep_standing_of, _computed, _till_the_end, MEDIA_TYPES),
     "/v1/sweeps/{sweep_id}/grid": Tagged(
         sweep_standing_of, _computed, _till_the_end, {"json": JSON, "arrow": ARROW, "npz": NPZ}
@@ -127,7 +128,7 @@ async def unchanged(request: Request, tagged: Tagged[Any]) -> Response | None:
     if standing is None:
         try:
             standing = await run_in_threadpool(resources.reads.get, tagged.read, resource_id)
-        except (AtlasNotFoundError, SolutionNotFoundError, SweepNotFoundError):
+        except (ResultNotFoundError, SolutionNotFoundError, SweepNotFoundError):
             return None  # the endpoint says so, after all that is wrong with the query
     known = matching_tag(header, tag_of_resource(request, media_type, *tagged.identity(standing)))
     if known is None:
@@ -146,7 +147,7 @@ def validator_headers(request: Request, inside: Resources, standing: object = No
 
     Raises
     ------
-    AtlasNotFoundError, SolutionNotFoundError, SweepNotFoundError
+    ResultNotFoundError, SolutionNotFoundError, SweepNotFoundError
         There is nothing of that id.
     """
     tagged = TAGGED[request.scope["route"].path]

@@ -50,6 +50,7 @@ _EXAMPLES = {
     "validate": ("polhode validate examples/first.json", "polhode validate - --json < problem.json"),
     "solve": ("polhode solve examples/first.json --csv samples.csv", "polhode solve problem.json --json"),
     "atlas": ("polhode atlas problem.json --picture atlas.png",),
+    "study": ("polhode study examples/search.json", "polhode study search.json --json"),
     "families": ("polhode families", "polhode families rational --json"),
     "sweep": (
         "polhode sweep examples/sweep.json --out points.parquet",
@@ -161,6 +162,21 @@ def atlas(
 ) -> None:
     """Tell for which λ of a range there are planar motions, of which kind, and where that changes."""
     become_worker("atlas", os.environ, file=file, picture=picture, as_json=as_json)
+
+
+def study(
+    file: Document,
+    as_json: AsJson = False,
+    url: Annotated[str | None, typer.Option(help="ask the service there")] = None,
+    key: Key = None,
+) -> None:
+    """Answer a question about numbers of a problem: a document with "what"."""
+    if url is not None or key is not None:
+        from service.cli.remote.work import study_file  # noqa: PLC0415
+
+        study_file(file, url=url, key=key, as_json=as_json)
+        return
+    become_worker("study", os.environ, file=file, as_json=as_json)
 
 
 def compile_solvers() -> None:
@@ -297,6 +313,7 @@ for _command in (
     validate,
     solve,
     atlas,
+    study,
     families,
     sweep,
     calibrate,

@@ -21,9 +21,11 @@ class JobKind(StrEnum):
     """Some neighbouring points of a sweep."""
     ATLAS = "atlas"
     """All planar motions over a range of λ."""
+    STUDY = "study"
+    """An answer to a question about integrals, potentials or numbers."""
 
 
-SUBMITTED = frozenset({JobKind.SOLVE, JobKind.ATLAS})
+SUBMITTED = frozenset({JobKind.SOLVE, JobKind.ATLAS, JobKind.STUDY})
 """Kinds that clients submit, show, cancel and delete as a job; a chunk is a part of its sweep."""
 
 
@@ -159,14 +161,14 @@ class ChunkOutcome:
 
 
 @dataclass(frozen=True, slots=True)
-class AtlasResult:
-    """The atlas that a document asked for."""
+class JobResult:
+    """The document that a job has made: an atlas, or the answer of a study."""
 
     data: bytes
     """Encoded by :mod:`service.storage.codecs.packing`."""
 
 
-Outcome = SolveOutcome | ChunkOutcome | AtlasResult
+Outcome = SolveOutcome | ChunkOutcome | JobResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +188,7 @@ class Job:
     """Its solution was computed for an earlier job."""
     solution_id: str | None
     problem: Mapping[str, object]
-    """The problem document; for an atlas, the document that asks for it."""
+    """The problem document; for an atlas or a study, the document that asks for it."""
     digest: str
     """Equal for equal problems under equal numerics."""
     created_at: datetime
@@ -197,6 +199,8 @@ class Job:
     """Id of the key that submitted it; None if there were no keys."""
     annotation: Annotation = UNANNOTATED
     kind: JobKind = JobKind.SOLVE
+    result: Mapping[str, object] | None = None
+    """The answer of a study that has succeeded."""
 
     @property
     def is_finished(self) -> bool:
@@ -385,11 +389,12 @@ class AuditNotFoundError(LookupError):
         super().__init__(f"there is no audit {audit_id} of a solution {solution_id}")
 
 
-class AtlasNotFoundError(LookupError):
-    """There is no atlas of that id."""
+class ResultNotFoundError(LookupError):
+    """No job of that id has made such a document."""
 
-    def __init__(self, atlas_id: str) -> None:
-        super().__init__(f"there is no atlas {atlas_id}; a job has one when it has succeeded in drawing it")
+    def __init__(self, kind: JobKind, its_id: str) -> None:
+        name = {JobKind.ATLAS: "atlas", JobKind.STUDY: "result of a study"}[kind]
+        super().__init__(f"there is no {name} {its_id}; a job has one when it has succeeded")
 
 
 class StillAtWorkError(Exception):

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from math import isfinite
 
@@ -18,24 +17,12 @@ from service.schemas.atlas.reading import AtlasRequest, trusted_atlas
 from service.schemas.reading.documents import Document, Part
 from service.verdicts.cached import verdict_deadline
 from service.verdicts.documents import verdict_document
-from service.verdicts.refusals import answer_or_refusal, deadline, refusal_of_verdict
+from service.verdicts.refusals import Deadline, answer_or_refusal, deadline, refusal_of_verdict
 
 PROCESSOR_SECONDS, SECONDS = 4.0, 6.0
 """After either limit what is not proved is reported as undecided; following the windows takes time too."""
 JOB_PROCESSOR_SECONDS, JOB_SECONDS = 60.0, 120.0
 """The same limits of a job, for which nobody waits."""
-
-
-@dataclass(slots=True)
-class _Deadline:
-    """Tells whether the time is over; once it has said so, it always does."""
-
-    is_over: Callable[[], bool]
-    was_reached: bool = False
-
-    def __call__(self) -> bool:
-        self.was_reached = self.was_reached or self.is_over()
-        return self.was_reached
 
 
 def examine_atlas(document_json: str) -> str:
@@ -66,7 +53,7 @@ def _draw(document: Part, *, processor: float, clock: float) -> Document:
     verdict, refused = _judge(request)
     if refused:
         return refused
-    is_late = _Deadline(deadline(processor, clock))
+    is_late = Deadline(deadline(processor, clock))
     potential = simplified(request.potential)
     atlas = make_atlas(
         request.body, potential, request.range, request.samples, is_late, has_periods=request.wants_period

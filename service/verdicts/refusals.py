@@ -5,6 +5,7 @@ Whoever asks for a λ without motions is given those that have some, by a search
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
@@ -109,6 +110,19 @@ def deadline(processor: float, clock: float) -> Callable[[], bool]:
     """Return a function that tells whether so many seconds of the processor or of the clock are over."""
     processor, clock = time.process_time() + processor, time.monotonic() + clock
     return lambda: time.process_time() > processor or time.monotonic() > clock
+
+
+@dataclass(slots=True)
+class Deadline:
+    """Tells whether the time is over; once it has said so, it always does."""
+
+    is_over: Callable[[], bool]
+    was_reached: bool = False
+
+    def __call__(self) -> bool:
+        """Tell it."""
+        self.was_reached = self.was_reached or self.is_over()
+        return self.was_reached
 
 
 class Searches:

@@ -7,12 +7,19 @@ import mpmath
 import numpy as np
 from flint import arb
 
+from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebras.ball import ball
+from service.dynamics.formula.parser import parse
+from service.dynamics.formula.tape import compile_tape
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.solution.ball_columns import as_decimals
 from tests.benchmarks.measuring import Effort, Result, Row, Table, clock, faster, in_words, median
 from tests.benchmarks.motions import Measured, elliptic
 from tests.support.planar import body, formula
 from workers.solvers.certified.certify import Certified
+from workers.solvers.certified.validated.enclose import Enclosure
+from workers.solvers.certified.validated.enclose import enclose as enclose_steps
+from workers.solvers.certified.validated.system import EulerPoisson
 from workers.solvers.choose import enclose
 
 DIGITS = 38
@@ -60,6 +67,73 @@ def samples(effort: Effort) -> list[Row]:
     rival = Result("DOP853 1e-10", theirs, error)
     what = "1000 certified samples, 10 periods"
     return [faster(6, what, 1, 2.0**-56, ours, rival, asked="faster, 64 bits")]
+
+
+STATE = tuple(map(Fraction, ("1/3", "1/2", "1", "3/5", "0", "4/5")))
+MOMENTS = tuple(map(Fraction, (2, "3/2", 1)))
+
+
+def steps(effort: Effort) -> list[Row]:
+    """Compare a heavy body, proven by steps to t = 10 with 64 bits, with Taylor series of mpmath."""
+    t = Fraction(10)
+    found = _by_steps("-g1", t, 64)
+    seconds = median(lambda: _by_steps("-g1", t, 64), effort.repeats(3))
+    began = clock()
+    theirs = _by_odefun(t)
+    rival_seconds = clock() - began
+    error = max(
+        float(abs(arb(text) - x).abs_upper()) for text, x in zip(theirs, found.states[0], strict=True)
+    )
+    widest = max(float(value.rad()) for value in found.states[0])
+    ours = Result("proven steps, 64 bits", seconds, widest, "the radius")
+    rival = Result("mpmath.odefun, 19 digits", rival_seconds, error, "proves nothing")
+    return [faster(6, "a heavy body to t = 10", 1, 2.0**-56, ours, rival, asked="≤ 1 s, 64 bits")]
+
+
+def long_steps(effort: Effort) -> Table:
+    """Return what proven steps cost over long times, for more bits, and of a body whose neighbours part."""
+    chaotic = "-4*g1 - 6*g2 + 2*g3 + 8*g1*g2 - 6*g3^2"
+    cases = (
+        ("heavy body", "-g1", 10, 64), ("heavy body", "-g1", 100, 64), ("heavy body", "-g1", 10, 128),
+        ("heavy body", "-g1", 10, 333), ("wall 1/g3²", "-g1 + 1/20/g3^2", 10, 64),
+        ("chaotic", chaotic, 50, 64),
+    )  # fmt: skip
+    rows = []
+    for name, text, t, bits in cases[: 1 if effort.is_quick else None]:
+        began = clock()
+        found = _by_steps(text, Fraction(t), bits)
+        seconds = clock() - began
+        assert found.forward is not None
+        count = str(len(found.forward.stretches))
+        rows.append((name, str(t), str(bits), str(found.precision), count, in_words(seconds)))
+    heads = ("motion", "t", "bits", "precision", "steps", "seconds")
+    return Table("The certified tier by proven steps from a state", "One run of each.", heads, tuple(rows))
+
+
+def _by_steps(text: str, t: Fraction, bits: int) -> Enclosure:
+    system = EulerPoisson(RigidBody(*MOMENTS), compile_tape(parse(text)))
+    return enclose_steps(system, lambda: [ball(x) for x in STATE], [t], bits)
+
+
+def _by_odefun(t: Fraction) -> list[str]:
+    """Return the state as decimals; V = -g1."""
+    A, B, C = (mpmath.mpf(m.numerator) / m.denominator for m in MOMENTS)
+
+    def rates(_: mpmath.mpf, y: list[mpmath.mpf]) -> list[mpmath.mpf]:
+        p, q, r, g1, g2, g3 = y
+        return [
+            (B - C) * q * r / A,
+            ((C - A) * p * r - g3) / B,
+            ((A - B) * p * q + g2) / C,
+            r * g2 - q * g3,
+            p * g3 - r * g1,
+            q * g1 - p * g2,
+        ]
+
+    with mpmath.workdps(19):
+        start = [mpmath.mpf(x.numerator) / x.denominator for x in STATE]
+        found = mpmath.odefun(rates, 0, start)(int(t))
+        return [mpmath.nstr(x, 19) for x in found]
 
 
 def others(effort: Effort) -> Table:

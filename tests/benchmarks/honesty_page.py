@@ -54,6 +54,9 @@ MEASURED = """## What is measured
 * **Potentials given by an integral**, which no complex ball can enter: windows are those of a scan, and
   panels are judged by the decay of their series. Along the motion V₁ is a series of integrals, to 80 bits by
   the decay of its terms and by what is seen between its nodes.
+* **Samples beside a pole that nothing encloses** (V₁ as an integral, logarithms below A/C = 2): twice what
+  moving a time by its error does to the variables, and four times the largest departure that was seen in its
+  panel of the phase.
 * **The method `integration`**, and with it cross-checks and motions from any state: the error is the
   difference of runs (of four in compiled code; else of two, or the error that what the finer one leaves of
   the equations makes, `error_by_residual` in the evidence, if that is more), and what errors of every step

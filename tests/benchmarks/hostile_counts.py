@@ -18,7 +18,7 @@ BOTH = "standard both"
 EVERY = 8
 SECONDS = {"facts": 60.0, **dict.fromkeys(("verdict", *TIERS, BOTH), 20.0)}
 """Seconds of the processor after which a stage is stopped; it is counted as a refusal."""
-BY_THE_CLOCK = 20
+BY_THE_CLOCK = 100
 """Times as long, by the clock, after which the child is killed: it is stuck, or hardly ever has its turn."""
 ENDS = {SandboxTimeoutError: TIME_LIMIT, SandboxMemoryError: "memory limit", SandboxCrashError: "crash"}
 SLOWEST = 10

@@ -6,6 +6,7 @@
 import re
 import statistics
 import tempfile
+import time
 from pathlib import Path
 
 from playwright.sync_api import Page, sync_playwright
@@ -13,14 +14,23 @@ from playwright.sync_api import Page, sync_playwright
 from service.dashboard.routes import PAGES
 from tests.benchmarks.measuring import Table, say
 from tests.benchmarks.report import text_of_table
-from tests.support.browser import FLAGS, Site, Weights, address, chromium, fill_site, settle
+from tests.support.browser import (
+    FLAGS,
+    Site,
+    Weights,
+    address,
+    chromium,
+    fill_site,
+    save_first_figure,
+    settle,
+)
 from tests.support.serving import serving
 from tests.support.waiting import wait_until
 
 FORMULAS, ZOOMS = 15, 6
 KEY_PAUSE = 60
 """Milliseconds between two keys: somebody who types fast."""
-VERDICT_MS, TASK_MS, MOST_KB, MOST_FILES = 150, 200, 60, 10
+VERDICT_MS, TASK_MS, MOST_KB, MOST_FILES, FIGURE_SECONDS = 150, 200, 60, 10, 60
 """What is asked."""
 
 WATCH_VERDICTS = """() => {
@@ -45,16 +55,27 @@ def main() -> None:
         serving(Path(folder)) as service,
         sync_playwright() as playwright,
     ):
-        site = fill_site(service)
         running = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
         page = running.new_page(viewport={"width": 1280, "height": 800})
-        rows = [verdicts(page, site), *zooming(page, site)]
+        steps = first_figure(page, service.address)
+        site = fill_site(service)
+        rows = [steps, verdicts(page, site), *zooming(page, site)]
         remark = f"{FORMULAS} formulas typed with {KEY_PAUSE} ms between keys; {ZOOMS} zooms by dragging."
         say(text_of_table(Table("Speed of the page", remark, ("what", "asked", "reached"), rows)))
         rows = [weight(running.new_page(), site, path) for path in PAGES]
         remark = "Without plotly.js and data, as sent."
         say(text_of_table(Table("Weights of the pages", remark, ("page", "requests", "kB"), rows)))
         running.close()
+
+
+def first_figure(page: Page, address: str) -> tuple[str, str, str]:
+    """Go from the empty database to the saved picture of a sweep, as fast as the page answers."""
+    began = time.monotonic()
+    page.goto(address)
+    settle(page)
+    _, clicks = save_first_figure(page)
+    what = "from the empty database to a saved picture of a sweep"
+    return what, f"{FIGURE_SECONDS} s, 8 clicks", f"{time.monotonic() - began:.0f} s, {clicks} clicks"
 
 
 def verdicts(page: Page, site: Site) -> tuple[str, str, str]:

@@ -1,20 +1,12 @@
 """Every page, opened in Chromium: nothing fails, nothing violates the policy, nobody is shut out."""
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
 
 from service.dashboard.routes import PAGES
-from tests.support.browser import Weights, address, settle
+from tests.support.browser import Weights, address, barriers, settle
 
-LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
 MOST_BYTES, MOST_FILES = 60_000, 10
 """Limits of shell, styles and modules as they are sent; what is beside them are plotly.js and data."""
-
-
-def barriers(page) -> list[tuple[str, list[str]]]:
-    """Return what axe-core finds of the levels A and AA, contrast included."""
-    found = Axe().run(page, options={"runOnly": LEVELS}).response["violations"]
-    return [(fault["id"], [node["html"] for node in fault["nodes"]]) for fault in found]
 
 
 @pytest.mark.parametrize("path", PAGES)

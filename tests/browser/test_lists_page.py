@@ -8,7 +8,7 @@ from urllib.parse import quote
 import pytest
 from playwright.sync_api import expect
 
-from tests.support.browser import HOSTILE, problem, settle
+from tests.support.browser import HOSTILE, barriers, problem, settle
 
 UNPROVABLE = {
     **problem("first"),
@@ -165,6 +165,7 @@ def test_chosen_rows_are_compared_saved_sent_again_and_deleted(tab):
     compare = page.get_by_role("button", name="Compare")
     page.locator(f"input[data-id='{tab.site.solutions['first']}']").check()
     expect(compare).to_be_disabled()  # with what?
+    assert barriers(page) == []
     page.locator(f"input[data-id='{tab.site.solutions['unstable']}']").check()
     with page.expect_download() as download:
         page.get_by_role("button", name="Download as CSV").click()

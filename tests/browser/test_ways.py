@@ -3,6 +3,7 @@
 import io
 import json
 import re
+import unicodedata
 from urllib.parse import quote
 
 import numpy as np
@@ -58,6 +59,22 @@ def test_from_a_formula_over_its_verdict_to_the_solution_and_into_it(tab):
     tab.faults[:] = [
         fault for fault in tab.faults if not fault.startswith("422 ")
     ]  # while the form was half filled
+
+
+def test_a_long_sum_goes_on_in_the_next_line(tab):
+    many = {"type": "rational", "a": [-1, 1, 1], "b": ["1/20", 1, 1], "c": [1, 1]}
+    page = tab.open(state_in({**problem("first"), "potential": many}))
+    lines = page.locator(".formula-line")
+    expect(lines.nth(2).locator("math")).not_to_have_count(1)
+    sizes = lines.evaluate_all(
+        "all => all.map((one) => [one.scrollWidth, one.clientWidth, one.offsetHeight])"
+    )
+    # h, F and G are sums; nothing of them is cut off.
+    assert all(needed <= there for needed, there, _ in sizes[:3]), sizes
+    # Letters of formulas are not those of text, and there are signs that nobody sees.
+    text = re.sub(r"[\s\u2062]", "", unicodedata.normalize("NFKC", lines.nth(0).inner_text()))
+    assert all(name in text for name in ("a1", "a2", "a3", "b1", "b2", "b3", "c1")), text
+    tab.faults[:] = [fault for fault in tab.faults if not fault.startswith("422 ")]
 
 
 def test_solutions_are_compared_with_the_errors_that_both_claim(tab):

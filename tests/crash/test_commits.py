@@ -8,7 +8,7 @@ from sqlalchemy import func, select
 
 from service.jobs.records import JobKind
 from service.storage.inspection.inspect import inspect
-from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
+from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow, ResultRow
 from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
 from service.storage.tables.operations import IdempotencyKeyRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
@@ -73,7 +73,7 @@ def census(stores: Stores) -> Counter[object]:
             table = columns[0].class_.__tablename__
             rows = session.execute(select(func.count(), *columns).group_by(*columns))
             counted.update({(table, *kind): count for count, *kind in rows})
-        for table in (SolutionRow, DenseOutputRow, SamplesRow, SweepChunkRow, AtlasRow, IdempotencyKeyRow):
+        for table in (SolutionRow, DenseOutputRow, SamplesRow, SweepChunkRow, ResultRow, IdempotencyKeyRow):
             counted[table.__tablename__] = session.scalar(select(func.count()).select_from(table))
         compared = AuditRow.comparison.is_not(None)
         audits = session.execute(select(func.count(), compared).group_by(compared))

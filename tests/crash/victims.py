@@ -16,15 +16,15 @@ from dataclasses import dataclass, replace
 
 from sqlalchemy.orm import configure_mappers
 
-from service.jobs.records import AtlasResult, Claim, Refused, Solved
+from service.jobs.records import Claim, JobKind, JobResult, Refused, Solved
 from service.jobs.store import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.schemas.reading.annotation import Annotation
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import VARIABLE, Database
 from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
-from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
+from service.storage.solutions.result_store import ResultStore
 from service.storage.sweeps import deleting
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY
@@ -48,7 +48,7 @@ class Stores:
     jobs: SqlJobStore
     sweeps: SweepStore
     audits: AuditStore
-    atlases: AtlasStore
+    atlases: ResultStore
 
     def claim(self) -> Claim:
         claim = self.jobs.claim("victim", lease_seconds=OVER)
@@ -66,7 +66,7 @@ class Stores:
         assert self.jobs.finish(claim, replace(SOLVED, comparison=comparison))[0]
 
     def finish_atlas(self, claim: Claim) -> None:
-        assert self.jobs.finish(claim, AtlasResult(encode_document(ATLAS)))[0]
+        assert self.jobs.finish(claim, JobResult(encode_document(ATLAS)))[0]
 
     def finish_chunk(self, claim: Claim, points: int | None = None) -> None:
         payload = dict(claim.payload)
@@ -287,16 +287,16 @@ def lose_audit(stores: Stores) -> None:
 
 
 def submit_atlas(stores: Stores) -> None:
-    stores.atlases.submit(ATLAS, new_id(), receipt=receipt())
+    stores.atlases.submit(JobKind.ATLAS, ATLAS, new_id(), receipt=receipt())
 
 
 def succeed_atlas(stores: Stores) -> None:
-    stores.atlases.submit(ATLAS, new_id())
+    stores.atlases.submit(JobKind.ATLAS, ATLAS, new_id())
     stores.finish_atlas(stores.claim())
 
 
 def delete_drawn(stores: Stores) -> None:
-    job_id = stores.atlases.submit(ATLAS, new_id()).id
+    job_id = stores.atlases.submit(JobKind.ATLAS, ATLAS, new_id()).id
     stores.finish_atlas(stores.claim())
     deleting.delete_job(stores.database, job_id)
 
@@ -341,7 +341,7 @@ DEEDS: tuple[Callable[[Stores], None], ...] = (
 @contextmanager
 def stores_of(url: str) -> Iterator[Stores]:
     database = Database(url)
-    audits, atlases = AuditStore(database), AtlasStore(database)
+    audits, atlases = AuditStore(database), ResultStore(database)
     yield Stores(database, SqlJobStore(database), SweepStore(database), audits, atlases)
     database.close()
 

@@ -41,7 +41,7 @@ def pages_of(entry: object) -> list[str]:
 def test_every_notebook_is_in_the_menu():
     menu = (TOP / "docs" / "site" / "mkdocs.yml").read_text().partition("\nnav:\n")[2]
     listed = [page for page in pages_of(yaml.safe_load(menu)) if page.startswith("tutorials/")]
-    assert len(NOTEBOOKS) == 6
+    assert len(NOTEBOOKS) == 8
     assert sorted(listed) == [f"tutorials/{path.stem}.md" for path in NOTEBOOKS]
 
 

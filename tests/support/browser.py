@@ -1,11 +1,13 @@
 """What the tests of the page in Chromium share: the site, tabs that are watched, where Chromium is."""
 
 import json
+import re
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from playwright.sync_api import Page
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Download, Page, expect
 
 from tests.support.serving import Service
 
@@ -105,6 +107,40 @@ class Weights:
             for name, size in sent.items()
             if "/v1/" not in name and not name.endswith(("/readyz", "plotly.min.js"))
         }
+
+
+LEVELS = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa"]
+COUNT_CLICKS = """addEventListener("click", ({isTrusted}) => {
+  if (isTrusted) sessionStorage.setItem("clicks", Number(sessionStorage.getItem("clicks") ?? 0) + 1);
+}, true)"""
+CLICKS_OF_A_CHOICE = 2
+"""Clicks of somebody who chooses from a list: one opens it."""
+
+
+def barriers(page: Page) -> list[tuple[str, list[str]]]:
+    """Return what axe-core finds of the levels A and AA, contrast included."""
+    found = Axe().run(page, options={"runOnly": LEVELS}).response["violations"]
+    return [(fault["id"], [node["html"] for node in fault["nodes"]]) for fault in found]
+
+
+def save_first_figure(page: Page) -> tuple[Download, int]:
+    """Go from the overview to the saved picture of a sweep over two numbers; return it and the clicks."""
+    page.add_init_script(COUNT_CLICKS)
+    page.evaluate(COUNT_CLICKS)
+    page.get_by_role("link", name="Workbench", exact=True).click()
+    page.get_by_role("button", name="Sweep over λ…").click()
+    dialog = page.get_by_role("dialog", name="A new sweep")
+    dialog.get_by_label("Axis 2", exact=True).select_option(label="b")
+    expect(dialog.locator("#sweep-cost")).to_contain_text("1,600 points: ")
+    dialog.get_by_role("button", name="Start the sweep").click()
+    page.wait_for_url(re.compile(r"sweep\?id="))
+    expect(page.locator("#progress")).to_contain_text("1,600 of 1,600")
+    expect(page.locator("#picture-note")).to_contain_text(re.compile("motions, [0-9,]+ points without one.$"))
+    page.locator("summary[data-export]").first.click()
+    with page.expect_download() as download:
+        page.locator("[data-export=svg]:visible").click()
+    clicks = int(page.evaluate("sessionStorage.getItem('clicks')"))
+    return download.value, clicks + CLICKS_OF_A_CHOICE
 
 
 def chromium() -> str | None:

@@ -31,8 +31,15 @@ def examples(few: int, many: int) -> int:
 
 def seldom(*cases: object) -> list:
     """Return cases of a table, each a value or a tuple of values, that ``make test-long`` tests only."""
-    rows = [case if isinstance(case, tuple) else (case,) for case in cases]
-    return [pytest.param(*row, marks=pytest.mark.long) for row in rows]
+    rows = [case if isinstance(case, _CASE) else pytest.param(*_values(case)) for case in cases]
+    return [pytest.param(*row.values, marks=[*row.marks, pytest.mark.long], id=row.id) for row in rows]
+
+
+_CASE = type(pytest.param())
+
+
+def _values(case: object) -> tuple[object, ...]:
+    return case if isinstance(case, tuple) else (case,)
 
 
 def one_in(count: int, cases: Iterable[object]) -> list:

@@ -9,7 +9,9 @@ at t = 0 is taken from it: the conformance of the cases proves that.
 """
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+import signal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
 from math import sqrt
@@ -61,6 +63,8 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 MOST_RADIANS = 300.0
 """Turns of a fast spin, which its reference follows one by one."""
 FASTEST = 1e4
+MOST_SECONDS = 10.0
+"""Processor time after which a problem is given up, and counted as refused."""
 LATEST = 30.0
 START_BITS = 150
 """Bits of the proven state from which the reference of a planar motion starts."""
@@ -93,7 +97,8 @@ class MotionCase:
 
     def claims(self, tier: Tier) -> list[Claim]:
         """Solve the case and compare; raises RefusedError."""
-        outcome = solve_document(json.dumps(self.document(tier)), read=read_problem)
+        with _limited():
+            outcome = solve_document(json.dumps(self.document(tier)), read=read_problem)
         if isinstance(outcome, Refused):
             raise RefusedError(outcome.error)
         if self.kind == "multipliers":
@@ -119,8 +124,29 @@ class MotionCase:
             ]
 
 
+@contextmanager
+def _limited() -> Iterator[None]:
+    """Refuse what takes longer than MOST_SECONDS of processor time."""
+
+    def stop(*_: object) -> None:
+        raise RefusedError({"code": "time limit", "detail": f"more than {MOST_SECONDS} s"})
+
+    before = signal.signal(signal.SIGVTALRM, stop)
+    signal.setitimer(signal.ITIMER_VIRTUAL, MOST_SECONDS)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)
+
+
 def draw_motion(kind: Kind, draws: np.random.Generator) -> MotionCase:
-    """Draw a motion and times, and find where it is, or what its multipliers are."""
+    """Draw a motion and times, and find where it is, or what its multipliers are; raises RefusedError."""
+    with _limited():
+        return _drawn(kind, draws)
+
+
+def _drawn(kind: Kind, draws: np.random.Generator) -> MotionCase:
     if kind in ("planar", "multipliers"):
         return _planar(kind, draws)
     if kind == "classical":

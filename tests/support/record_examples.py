@@ -38,6 +38,25 @@ ATLAS = {
     "lambda": ["9/10", "11/10"],
     "samples": 9,
 }
+SEARCH = {
+    "base": {
+        "body": {"A": 2, "C": 1},
+        "potential": {"type": "expression", "expression": "-g1 + 1/(20*g3^2)"},
+        "motion": {"type": "planar"},
+    },
+    "unknowns": [{"pointer": "/motion/lambda", "interval": ["99/100", "101/100"]}],
+    "wanted": [{"of": "energy", "equals": "2/5"}],
+}
+INTEGRAL = {
+    "body": {"A": 2, "B": 2, "C": 1},
+    "potential": {"type": "expression", "expression": "g1"},
+    "function": "(p^2 - q^2 - g1)^2 + (2*p*q - g2)^2",
+}
+INTEGRALS = {
+    "body": {"A": 2, "B": 2, "C": 1},
+    "potential": {"type": "expression", "expression": "g1"},
+    "degree": {"omega": 2, "gamma": 1},
+}
 LONG = {"families": 1, "classical": 1, "rows": 1, "shapes": 1}
 """Lists of these names are cut to so many items."""
 JSON, CSV, NDJSON = "application/json", "text/csv", "application/x-ndjson"
@@ -85,6 +104,22 @@ def cut(value: object) -> object:
     return [cut(each) for each in value] if isinstance(value, list) else value
 
 
+def record_studies(recorder: Recorder) -> None:
+    record = recorder.record
+    record("search_numbers", "an answer", "POST", "/v1/searches", SEARCH, Prefer="wait=60")
+    study = record("search_numbers", "a job", "POST", "/v1/searches", SEARCH, Prefer="respond-async")
+    while record("", "", "GET", f"/v1/jobs/{study['id']}")["state"] != "succeeded":
+        time.sleep(0.1)
+    record("get_result", "of a search", "GET", f"/v1/jobs/{study['id']}/result")
+    for operation, path, document in (
+        ("judge_integral", "/v1/integrals", INTEGRAL),
+        ("search_integrals", "/v1/integrals/searches", INTEGRALS),
+        ("search_potentials", "/v1/potentials/searches", {"degree": 1}),
+    ):
+        record(operation, "an answer", "POST", path, document)
+        record(operation, "a job", "POST", path, document, Prefer="respond-async")
+
+
 def ask(recorder: Recorder) -> None:
     record = recorder.record
     for operation, path in (
@@ -108,6 +143,7 @@ def ask(recorder: Recorder) -> None:
     record("get_atlas", "one window", "GET", f"/v1/atlases/{drawn['atlas']}")
     record("get_atlas", "one window", "GET", f"/v1/atlases/{drawn['atlas']}", Accept=CSV)
     record("list_atlases", "a page", "GET", "/v1/atlases?limit=1")
+    record_studies(recorder)
     record("submit_job", "a job", "POST", "/v1/jobs", CERTIFIED)
     job = record("submit_job", "finished in time", "POST", "/v1/jobs", PROBLEM, Prefer="wait=60")
     record("submit_job", "of a list", "POST", "/v1/jobs", [PROBLEM, {**PROBLEM, "body": {"A": 0, "C": 1}}])

@@ -25,6 +25,7 @@ from service.verdicts.cached import (
 )
 from tests.conformance.specimens import SPECIMENS, Specimen
 from tests.support.admissible import Case, sampled_cases
+from tests.support.effort import one_in
 from tests.support.planar import body, formula
 
 DOUBLE = (2, 1)
@@ -133,7 +134,7 @@ def test_what_is_kept_of_the_catalogue_is_what_is_found(specimen: Specimen):
         there_and_back(question.body, question.potential, question.motion)
 
 
-@pytest.mark.parametrize("name", WINDOWS)
+@pytest.mark.parametrize("name", one_in(2, WINDOWS))
 @pytest.mark.parametrize("g3_sign", [1, -1])
 def test_kept_windows_are_the_windows(name, g3_sign):
     text, moments = WINDOWS[name]

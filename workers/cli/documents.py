@@ -1,4 +1,4 @@
-"""``python -m workers solve FILE`` and ``atlas FILE``: one document, without a database, in child processes.
+"""``python -m workers solve FILE``, ``atlas FILE`` and ``study FILE``: one document, in child processes.
 
 The answer is JSON, a picture, a table of samples, or text for people.
 """
@@ -18,21 +18,23 @@ from rich.console import Console
 from service.csv_text import LF, csv_blocks
 from service.dynamics.solution.ball_columns import is_part
 from service.jobs.kernels import FASTER, NeedsKernelsError, way_of_solution
-from service.jobs.records import Refused, SolveOutcome
+from service.jobs.records import JobResult, Refused, SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.atlas.showing import describe_atlas, picture_of
 from service.schemas.problem.problem import read_problem
 from service.schemas.replies.solution_text import describe_solution
+from service.schemas.replies.study import describe_answer
 from service.schemas.replies.verdict_text import Refusal
+from service.schemas.study.reading import read_study
 from service.settings import Settings, read_settings
-from service.storage.codecs.packing import decode_arrays
+from service.storage.codecs.packing import decode_arrays, decode_document
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
 from service.verdicts.atlases import examine_atlas
 from service.verdicts.examination import examine_problem
 from service.verdicts.refusals import refusal_of_reading
-from workers.process.tasks import solve_examined
+from workers.process.tasks import solve_examined, study
 
 FloatArray = NDArray[np.float64]
 _REFUSED, _WRONG_USAGE = 1, 2
@@ -149,6 +151,36 @@ def draw_file(file: Path, *, as_json: bool, picture: Path | None) -> int:
             out.write(content)
     if picture != STANDARD_STREAM:
         answer(json.dumps(result["verdict"]) + "\n" if as_json else describe_atlas(drawn) + "\n")
+    return 0
+
+
+def study_file(file: Path, *, as_json: bool) -> int:
+    """Print the answer to the study of a file; return 1 if it is refused."""
+    settings = read_settings()
+    document = read_document(file)
+    refusal = refusal_of_reading(document, read_study)
+    if refusal is not None:
+        say(_reason(refusal))
+        return _REFUSED
+    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=["workers.computation.studies"])
+    outcome: JobResult | Refused
+    try:
+        with Console(stderr=True).status("searching …"):  # shows nothing where stderr is not a terminal
+            outcome = sandbox.run(study, json.dumps(document), seconds=settings.job_seconds)
+    except SandboxTimeoutError:
+        outcome = _failed("time_limit", f"no answer within POLHODE_JOB_SECONDS = {settings.job_seconds:g}")
+    except SandboxMemoryError:
+        limit = f"POLHODE_JOB_MEMORY_MB = {settings.job_memory_mb}"
+        outcome = _failed("memory_limit", f"more memory needed than {limit}")
+    except SandboxCrashError as fault:
+        outcome = _failed("lost_worker", f"the computation's process died: {fault}")
+    finally:
+        sandbox.close()
+    if isinstance(outcome, Refused):
+        say(_reason(outcome.error))
+        return _REFUSED
+    found = decode_document(outcome.data)
+    answer((json.dumps(found) if as_json else describe_answer(found)) + "\n")
     return 0
 
 

@@ -22,7 +22,7 @@ _TASKS, _TASKS_OF_A_SLOT, _ADDRESS_MB = 10, 4, 1000
 """The needs of a worker, counted: its threads, the processes around its children, two children a slot while
 they are replaced; and what a child reserves with all code loaded, 700 MB."""
 
-COMMANDS = ("run", "children", "solve", "atlas", "sweep", "compile", "calibrate", "doctor")
+COMMANDS = ("run", "children", "solve", "atlas", "study", "sweep", "compile", "calibrate", "doctor")
 _PATHS = ("file", "out", "csv", "picture")
 """Options that are paths."""
 
@@ -63,6 +63,10 @@ def _command(name: str) -> Callable[..., int]:
             from workers.cli.documents import draw_file  # noqa: PLC0415
 
             return draw_file
+        case "study":
+            from workers.cli.documents import study_file  # noqa: PLC0415
+
+            return study_file
         case "sweep":
             from workers.cli.sweep import sweep_file  # noqa: PLC0415
 

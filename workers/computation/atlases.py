@@ -2,7 +2,7 @@
 
 import json
 
-from service.jobs.records import AtlasResult, Refused
+from service.jobs.records import JobResult, Refused
 from service.schemas.atlas.reading import trusted_atlas
 from service.schemas.reading.documents import Document, Part
 from service.storage.codecs.packing import encode_document
@@ -17,13 +17,13 @@ SHARED_MEMBERS = ("body", "potential", "accept")
 """Members that a problem has in common with the document of an atlas."""
 
 
-def draw_document(document_json: str) -> AtlasResult | Refused:
+def draw_document(document_json: str) -> JobResult | Refused:
     """Draw what a document of :func:`~service.schemas.atlas.reading.read_atlas` asks for."""
     answer = examine_atlas_of_job(document_json)
     if trusted_atlas(json.loads(document_json)).wants_stability:
         answer = with_stability(document_json, answer, waits=True)
     result = json.loads(answer)
-    return Refused(result["error"]) if "error" in result else AtlasResult(encode_document(result["verdict"]))
+    return Refused(result["error"]) if "error" in result else JobResult(encode_document(result["verdict"]))
 
 
 def with_stability(document_json: str, atlas_json: str, *, waits: bool = False) -> str:

@@ -191,6 +191,8 @@ def _apart(name: str, one: Mapping[str, object], other: Mapping[str, object]) ->
 
 def _number(number: Mapping[str, object], name: str) -> tuple[Fraction, Fraction]:
     """Return a number and its error, or the radius of one that is proven."""
+    if name == "trace" and isinstance(enclosed := number["trace"], Mapping):
+        number, name = enclosed, "enclosed trace"
     value = number["trace" if name == "trace" else "value"]
     error = number["radius"] if "radius" in number else number["error"]
     return Fraction(str(value)), Fraction(str(error))

@@ -8,6 +8,7 @@ import logging
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from fractions import Fraction
 from math import inf, isfinite, nextafter, ulp
 
 import numpy as np
@@ -33,6 +34,7 @@ from service.schemas.problem.problem import place_sent, read_problem
 from service.schemas.problem.trusted import trusted_problem
 from service.schemas.reading.documents import Document, Part
 from service.schemas.replies.summary import SolutionSummary
+from service.settings import Settings
 from service.storage.codecs.packing import encode_arrays, encode_dense
 from service.storage.solutions.shipped_accuracy import shipped_table
 from service.verdicts.cached import ResultCache, read_windows
@@ -50,6 +52,7 @@ from workers.computation.outputs import InUnits, compute_outputs, errors_of, in_
 from workers.computation.summary import summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
+from workers.solvers.certified.validated.enclose import Watch
 from workers.solvers.certified.validated.motion import prove_motion
 from workers.solvers.choose import choose_enclosures, enclose, find_motion, proven_start
 from workers.solvers.cross_check import compare
@@ -154,7 +157,10 @@ def _solve_on_way(document: Part, problem: Problem, began: float, *, waits: bool
     # Its speed is asked of kernels before it is solved.
     keep_compiled_code()
     try:
-        summary, dense, columns = in_units(problem, lambda units: _solve_in(document, problem, units))
+        deadline = _Deadline()
+        summary, dense, columns = in_units(
+            problem, lambda units: _solve_in(document, problem, units, deadline)
+        )
     except DynamicsError as fault:
         if waits and type(fault).__module__.startswith(solvers.__name__):
             raise NeedsKernelsError(_refused(document, fault).error) from fault
@@ -164,17 +170,19 @@ def _solve_on_way(document: Part, problem: Problem, began: float, *, waits: bool
 
 
 def _solve_in(
-    document: Part, problem: Problem, units: Units
+    document: Part, problem: Problem, units: Units, deadline: "_Deadline"
 ) -> tuple[SolutionSummary, DenseOutput, dict[str, FloatArray]]:
     """Return the summary of the solution, its function of time and its columns, solved in ``units``."""
-    posed, certified, enclosures = units.pose(problem), None, dict[str, FloatArray]()
+    posed, enclosures = units.pose(problem), dict[str, FloatArray]()
+    proven, certified = None, None
     if problem.accuracy.tier == "certified":
-        solved, proven, enclosures = certified_samples(posed)
+        slow = Fraction(units.slow)
+        solved, proven, enclosures = certified_samples(posed, watch=lambda t: deadline.reach(t * slow))
         certified, enclosures = units.certified(proven), units.enclosures(enclosures)
     else:
         solved = solve(posed)
     motion = _require_finite(units.motion(solved), problem.tolerance)
-    outputs = compute_outputs(problem, motion, InUnits(units, posed, solved))
+    outputs = compute_outputs(problem, motion, InUnits(units, posed, solved, proven))
     # The orientation is more columns on the same pieces.
     attitude = None if outputs.orientation is None else outputs.orientation.dense
     errors = errors_of(motion, attitude)
@@ -311,7 +319,34 @@ def beside_enclosures(problem: Problem) -> Accuracy:
     return Accuracy(CROSS_CHECK_TOLERANCE if problem.method == "both" else float("inf"), "certified")
 
 
-def certified_samples(problem: Problem) -> tuple[Motion, Certified, dict[str, FloatArray]]:
+TIME_SHARE = 0.9
+"""Part of the seconds of a job that proven steps may take: the rest is for the answer."""
+
+
+class _Deadline:
+    """The end of the time of a job, which is told with the time until which its motion is proven."""
+
+    def __init__(self) -> None:
+        self._began = time.monotonic()
+        self._limit: float | None = None
+        self._missed: CertifiedUnavailableError | None = None
+
+    def reach(self, t: Fraction) -> None:
+        """Say that so much is proven; raises CertifiedUnavailableError when the time is over, and again."""
+        if self._limit is None:
+            self._limit = Settings().job_seconds
+        if self._missed is None and time.monotonic() - self._began > TIME_SHARE * self._limit:
+            message = (
+                f"POLHODE_JOB_SECONDS = {self._limit:g} are over; it is proven until t = {float(t):.10g}"
+            )
+            self._missed = CertifiedUnavailableError(message, pointer="/time")
+        if self._missed is not None:
+            raise self._missed
+
+
+def certified_samples(
+    problem: Problem, *, watch: Watch | None = None
+) -> tuple[Motion, Certified, dict[str, FloatArray]]:
     """Return the motion with proven samples, the enclosures, and the columns that hold them.
 
     The columns hold the times too: the values belong to the exact times, of which the motion has doubles.
@@ -322,7 +357,7 @@ def certified_samples(problem: Problem) -> tuple[Motion, Certified, dict[str, Fl
         There is no enclosure of this kind of motion.
     """
     if not isinstance(problem.motion, PlanarMotion) or problem.method == "integration":
-        motion, enclosed = prove_motion(problem, *proven_start(problem))
+        motion, enclosed = prove_motion(problem, *proven_start(problem), watch=watch)
     else:
         motion = solve(problem)
         if motion.aperiodic is None:
@@ -330,7 +365,7 @@ def certified_samples(problem: Problem) -> tuple[Motion, Certified, dict[str, Fl
             motion = _with_period_known(motion, enclosed, TIER_TOLERANCES["standard"])
         else:
             # What the reduction tells of it stays.
-            stepped, enclosed = prove_motion(problem, *proven_start(problem))
+            stepped, enclosed = prove_motion(problem, *proven_start(problem), watch=watch)
             motion = replace(
                 stepped,
                 window=motion.window,
@@ -341,9 +376,13 @@ def certified_samples(problem: Problem) -> tuple[Motion, Certified, dict[str, Fl
             )
     parts = parts_for(problem.accuracy.bits)
     rows = [[split(ball, parts) for ball in state] for state in enclosed.states]
-    first = np.array([[doubles[0] for doubles, _ in row] for row in rows])
+    first = np.array([[doubles[0] for doubles, _ in row[: len(COLUMNS)]] for row in rows])
     proven = replace(_with_samples(problem, motion, enclosed, first), conventions=enclosed.conventions)
-    return proven, enclosed, {**_enclosed_columns(rows, parts), **_times(enclosed, motion, parts)}
+    return (
+        proven,
+        enclosed,
+        {**_enclosed_columns(enclosed.columns, rows, parts), **_times(enclosed, motion, parts)},
+    )
 
 
 def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
@@ -420,7 +459,7 @@ def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples
         (
             _error(ball, double)
             for state, row in zip(enclosed.states, samples.tolist(), strict=True)
-            for ball, double in zip(state, row, strict=True)
+            for ball, double in zip(state[: len(COLUMNS)], row, strict=True)
         ),
     )
     proven = replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error, samples_kind="theorem")
@@ -429,9 +468,15 @@ def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples
     return with_samples_raised(problem.body, problem.potential, proven)
 
 
-def _enclosed_columns(rows: list[list[tuple[list[float], float]]], parts: int) -> dict[str, FloatArray]:
+def _enclosed_columns(
+    names: tuple[str, ...], rows: list[list[tuple[list[float], float]]], parts: int
+) -> dict[str, FloatArray]:
+    """Return the further parts and the radii; of the attitude the first parts too, which no motion has."""
     columns: dict[str, FloatArray] = {}
-    for index, name in enumerate(COLUMNS):
+    for index, internal in enumerate(names):
+        name = internal.removeprefix("local_")
+        if index >= len(COLUMNS):
+            columns[name] = np.array([row[index][0][0] for row in rows])
         for part in range(1, parts):
             columns[f"{name}.{part}"] = np.array([row[index][0][part] for row in rows])
         columns[f"{name}.{RADIUS}"] = np.array([row[index][1] for row in rows])

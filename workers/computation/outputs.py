@@ -11,7 +11,7 @@ from math import inf, isfinite
 from typing import TypeVar
 
 import numpy as np
-from flint import ctx
+from flint import arb, ctx
 
 from service.dynamics.accuracy import SMALLEST_TOLERANCE, GroupError, keeps
 from service.dynamics.bounds import is_within, largest
@@ -20,6 +20,7 @@ from service.dynamics.equations.euler_poisson import areas_integral
 from service.dynamics.equations.orientation import (
     PRECESSION,
     QUATERNION,
+    has_orientation,
     orientation_columns,
     orientation_errors,
 )
@@ -36,7 +37,8 @@ from service.dynamics.problem import Accuracy, ClassicalMotion, PlanarMotion, Pr
 from service.dynamics.solution.dense_output import DenseOutput
 from service.storage.codecs.summary import PROVEN_SAMPLES
 from workers.solvers.assembly.families import Place
-from workers.solvers.choose import QUICK_SPEED, compiled_tier, find_motion, with_enough_bits
+from workers.solvers.certified.certify import Certified
+from workers.solvers.choose import QUICK_SPEED, compiled_tier, find_motion, proven_start, with_enough_bits
 from workers.solvers.classical.solve import place_motion
 from workers.solvers.closed_form.lame import transverse_stability
 from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError
@@ -47,6 +49,11 @@ from workers.solvers.orientation.solve import Orientation, with_orientation
 from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.assessment import Stability, assess_stability
 from workers.solvers.stability.monodromy import StabilityUndefinedError
+from workers.solvers.stability.proven import (
+    classical_stability,
+    planar_stability,
+    proven_precession,
+)
 from workers.solvers.units import Units, speed_of, speed_of_state
 from workers.solvers.ways import is_plain
 
@@ -81,6 +88,8 @@ class Outputs:
     notices: tuple[Notice, ...]
     relations: Mapping[str, float]
     """Largest departure from each relation of a classical case, by its name."""
+    precession: tuple[arb, arb] | None
+    """Enclosures of what ψ1 and ψ3 gain in a period, in the tier certified."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +99,8 @@ class InUnits:
     units: Units
     problem: Problem
     motion: Motion
+    proven: Certified | None
+    """The enclosures of the tier certified."""
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -103,6 +114,7 @@ def compute_outputs(problem: Problem, motion: Motion, solved: InUnits) -> Output
     notices = list(problem.potential.notices)
     drifts, further, orientation = None, tuple[FurtherDrift, ...](), None
     stability, closed_trace, relations = None, None, dict[str, float]()
+    precession = None
     if motion.enclosed_by is not None:
         between = motion.dense.error_at(motion.times)
         text = f"the samples are rounded from proven enclosures; between them errors are up to {between:.1e}"
@@ -117,14 +129,28 @@ def compute_outputs(problem: Problem, motion: Motion, solved: InUnits) -> Output
     if "orientation" in problem.outputs:
         orientation = solved.units.orientation(_orientation(solved.problem, solved.motion))
         notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
-    if "stability" in problem.outputs and isinstance(problem.motion, PlanarMotion):
+        if orientation.precession is not None and solved.proven is not None:
+            about = orientation.precession.psi1.value, orientation.precession.psi3.value
+            start = proven_start(solved.problem)
+            precession = proven_precession(solved.problem, start, solved.proven, about)
+    if "stability" in problem.outputs:
         try:
-            assessed = _stability(solved.problem, problem.motion, solved.motion)
+            assessed = _stability(solved.problem, solved.motion, solved.proven)
             stability = _finite(solved.units.stability(assessed))
-            closed_trace = _trace_of_lame(problem, problem.motion)
+            if isinstance(problem.motion, PlanarMotion):
+                closed_trace = _trace_of_lame(problem, problem.motion)
         except StabilityUndefinedError as undefined:
             notices.append(Notice(undefined.code, undefined.message, "/outputs"))
-    return Outputs(drifts, further, orientation, stability, closed_trace, tuple(notices), relations)
+    return Outputs(
+        drifts,
+        further,
+        orientation,
+        stability,
+        closed_trace,
+        tuple(notices),
+        relations,
+        precession,
+    )
 
 
 def takes_doubles(problem: Problem) -> bool:
@@ -142,6 +168,8 @@ def _orientation(problem: Problem, motion: Motion) -> Orientation:
     AccuracyNotMetError
         That of a finer motion does not keep it either.
     """
+    if has_orientation(motion.dense):
+        return _proven_orientation(motion.dense)
     orientation = _attitude(problem, motion)
     missed = _missed(problem, motion, orientation.dense)
     if missed is None:
@@ -158,6 +186,14 @@ def _orientation(problem: Problem, motion: Motion) -> Orientation:
     if missed is not None:
         raise AccuracyNotMetError(missed[1].absolute, problem.tolerance, group=missed)
     return orientation
+
+
+def _proven_orientation(dense: DenseOutput) -> Orientation:
+    missing = [name for name in PRECESSION if name not in dense.columns]
+    notices = tuple(
+        f"{name} is left out: the axis {name[-1]} of the body becomes vertical" for name in missing
+    )
+    return Orientation(dense, None, notices, "theorem")
 
 
 def _missed(problem: Problem, motion: Motion, attitude: DenseOutput) -> tuple[str, GroupError] | None:
@@ -179,7 +215,16 @@ def _attitude(problem: Problem, motion: Motion) -> Orientation:
     return with_orientation(motion)
 
 
-def _stability(problem: Problem, planar: PlanarMotion, motion: Motion) -> Stability:
+def _stability(problem: Problem, motion: Motion, proven: Certified | None) -> Stability:
+    """Return the stability: proven of classical motions and in the tier certified, else estimated."""
+    if isinstance(problem.motion, ClassicalMotion):
+        return classical_stability(problem, proven_start(problem))
+    assert isinstance(problem.motion, PlanarMotion)
+    found = _planar_stability(problem, problem.motion, motion)
+    return found if proven is None else planar_stability(problem, proven_start(problem), proven, found)
+
+
+def _planar_stability(problem: Problem, planar: PlanarMotion, motion: Motion) -> Stability:
     """Return the stability in compiled doubles, in balls where those do not decide it."""
     is_usual = motion.dense.period is not None and not motion.conventions
     if takes_doubles(problem) and is_usual and motion.window is not None:

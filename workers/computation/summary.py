@@ -52,7 +52,7 @@ def summarise(
     """Return the solution resource of the problem ``document`` without its ids and cost."""
     window, orientation = motion.window, outputs.orientation
     precession = None if orientation is None else orientation.precession
-    invariants, beyond = _invariants(outputs)
+    invariants, beyond = _invariants(outputs, certified)
     known = known_cases(problem.body, problem.potential)
     return {
         "problem": document,
@@ -77,7 +77,7 @@ def summarise(
         "stability": None
         if outputs.stability is None
         else _stability(outputs.stability, outputs.closed_trace),
-        "precession": None if precession is None else _precession(precession),
+        "precession": None if precession is None else _precession(outputs, precession),
         "conventions": motion.conventions,
         "known_cases": [{"name": each.name, "source": each.source} for each in known],
         "warnings": [_notice(notice) for notice in (*outputs.notices, *beyond)],
@@ -106,9 +106,15 @@ def error_kinds(motion: Motion, outputs: Outputs, certified: Certified | None) -
     if outputs.orientation is not None:
         kinds["orientation"] = outputs.orientation.kind
         if (precession := outputs.orientation.precession) is not None:
-            kinds |= {"precession.psi1": precession.psi1.kind, "precession.psi3": precession.psi3.kind}
+            proven = outputs.precession is not None
+            for name, angle in (("psi1", precession.psi1), ("psi3", precession.psi3)):
+                kinds[f"precession.{name}"] = "theorem" if proven else angle.kind
     if outputs.stability is not None:
         kinds["stability"] = outputs.stability.proof
+        if outputs.stability.enclosed is not None:
+            kinds["stability.trace"] = "theorem"
+    if outputs.drifts is not None and certified is not None:
+        kinds |= {f"invariants.{name}.value": "theorem" for name in asdict(outputs.drifts)}
     if outputs.closed_trace is not None:
         kinds["stability.closed_form_trace"] = outputs.closed_trace.kind
     return kinds
@@ -181,13 +187,20 @@ def _enclosure(ball: arb) -> EnclosureSummary:
     return {"value": value, "radius": radius}
 
 
-def _invariants(outputs: Outputs) -> tuple[Mapping[str, IntegralSummary] | None, list[Notice]]:
+def _invariants(
+    outputs: Outputs, certified: Certified | None
+) -> tuple[Mapping[str, IntegralSummary] | None, list[Notice]]:
     """Return the integrals, and a warning that tells those whose numbers are beyond doubles."""
     if outputs.drifts is None:
         return None, []
     integrals: dict[str, IntegralSummary] = {
         name: {"drift": drift} for name, drift in asdict(outputs.drifts).items()
     }
+    if certified is not None:
+        for name, ball in zip(
+            integrals, (certified.energy, certified.geometric, certified.areas), strict=True
+        ):
+            integrals[name]["value"] = _enclosure(ball)
     for each in outputs.further:
         kind = each.integral.kind
         integrals[each.integral.name] = {"value": each.value, "drift": each.drift, "kind": kind}
@@ -202,13 +215,16 @@ def _are_finite(numbers: IntegralSummary) -> bool:
     return all(isfinite(number) for number in numbers.values() if isinstance(number, float))
 
 
-def _precession(precession: Precession) -> PrecessionSummary:
+def _precession(outputs: Outputs, precession: Precession) -> PrecessionSummary:
+    if outputs.precession is not None:
+        one, three = outputs.precession
+        return {"psi1": _enclosure(one), "psi3": _enclosure(three)}
     return {"psi1": _estimate(precession.psi1), "psi3": _estimate(precession.psi3)}
 
 
 def _stability(stability: Stability, closed_trace: Estimate | None) -> StabilitySummary:
     return {
-        "trace": stability.trace,
+        "trace": stability.trace if stability.enclosed is None else _enclosure(stability.enclosed),
         "error": printed_error(stability.trace, stability.error),
         "multipliers": [[multiplier.real, multiplier.imag] for multiplier in stability.multipliers],
         "multipliers_error": stability.multipliers_error,

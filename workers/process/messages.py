@@ -15,9 +15,9 @@ from typing import BinaryIO, get_args
 
 from service.jobs.kernels import NeedsKernelsError, Way
 from service.jobs.records import (
-    AtlasResult,
     ChunkOutcome,
     JobKind,
+    JobResult,
     Outcome,
     Refused,
     Solved,
@@ -34,13 +34,12 @@ _HARMLESS = {("builtins", "bytes")}
 UNTAKEN_SECONDS = 5.0
 """A batch that no child has begun by then is given back: something long is before it."""
 _LENGTH = struct.Struct(">Q")
-_RECORDS = {
-    record.__name__: record for record in (AtlasResult, ChunkOutcome, Refused, Solved, StoredSolution)
-}
+_RECORDS = {record.__name__: record for record in (JobResult, ChunkOutcome, Refused, Solved, StoredSolution)}
 _OUTCOMES: Mapping[JobKind, tuple[type, ...]] = {
     JobKind.SOLVE: (Solved, Refused),
     JobKind.CHUNK: (ChunkOutcome,),
-    JobKind.ATLAS: (AtlasResult, Refused),
+    JobKind.ATLAS: (JobResult, Refused),
+    JobKind.STUDY: (JobResult, Refused),
 }
 _SOURCE: Mapping[str, type | UnionType] = {
     **dict.fromkeys(("host", "version", "processor", "libraries", "way"), str),

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import TYPE_CHECKING
 
-from service.jobs.records import AtlasResult, ChunkOutcome, JobKind, Refused, SolveOutcome, StoredSolution
+from service.jobs.records import ChunkOutcome, JobKind, JobResult, Refused, SolveOutcome, StoredSolution
 
 if TYPE_CHECKING:  # the children that load this module need no database
     from workers.process.pool import Computations
@@ -99,11 +99,18 @@ def solve_chunk(document_json: str) -> ChunkOutcome:
     return compute_chunk(document_json)
 
 
-def draw_atlas(document_json: str) -> AtlasResult | Refused:
+def draw_atlas(document_json: str) -> JobResult | Refused:
     """Call :func:`workers.computation.atlases.draw_document`."""
     from workers.computation.atlases import draw_document  # noqa: PLC0415
 
     return draw_document(document_json)
+
+
+def study(document_json: str) -> JobResult | Refused:
+    """Call :func:`workers.computation.studies.study_document`."""
+    from workers.computation.studies import study_document  # noqa: PLC0415
+
+    return study_document(document_json)
 
 
 def _warm_up_for_planar_motions() -> None:
@@ -156,6 +163,7 @@ COMPUTATIONS: "Computations" = {
     JobKind.SOLVE: solve_problem,
     JobKind.CHUNK: solve_chunk,
     JobKind.ATLAS: draw_atlas,
+    JobKind.STUDY: study,
 }
 TASKS = WorkerTasks(COMPUTATIONS, "workers.process.tasks:TASKS", PRELOAD, WARM_UP)
 """The computations of a worker."""

@@ -182,7 +182,7 @@ class Units:
             states = tuple((p * quick, q * quick, r * quick, *gamma) for p, q, r, *gamma in found.states)
             times = tuple(time / quick for time in found.times)
             period = None if found.period is None else found.period / quick
-            return replace(found, period=period, states=states, times=times)
+            return replace(found, period=period, states=states, times=times, areas=found.areas / quick)
 
     def enclosures(self, columns: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
         """Return the columns that hold enclosures in the client's units."""

@@ -14,11 +14,11 @@ from service.api.replies.errors import ApiError, invalid_request
 from service.dashboard.routes import show_missing, wants_page
 from service.dynamics.errors import DynamicsError
 from service.jobs.records import (
-    AtlasNotFoundError,
     AuditNotFoundError,
     InUseError,
     JobFinishedError,
     JobNotFoundError,
+    ResultNotFoundError,
     SolutionNotFoundError,
     StillAtWorkError,
     SweepFinishedError,
@@ -59,7 +59,7 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(HTTPException, respond)
     for cause in (
         JobNotFoundError,
-        AtlasNotFoundError,
+        ResultNotFoundError,
         AuditNotFoundError,
         SolutionNotFoundError,
         SweepNotFoundError,
@@ -126,7 +126,7 @@ def refusal_of(error: Exception) -> ApiError:
             | SolutionNotFoundError()
             | SweepNotFoundError()
             | AuditNotFoundError()
-            | AtlasNotFoundError()
+            | ResultNotFoundError()
         ):
             return ApiError(HTTPStatus.NOT_FOUND, "not_found", str(error))
         case JobFinishedError():

@@ -16,8 +16,8 @@ PreferJob = Annotated[
     str | None,
     Header(
         alias="Prefer",
-        description="`respond-async`: a job draws the atlas, however fast it is. `wait=S`: if there is a job,"
-        " wait up to S ≤ 60 seconds for it to finish.",
+        description="`respond-async`: a job finds the answer, however fast it is. `wait=S`: if there is a"
+        " job, wait up to S ≤ 60 seconds for it to finish.",
     ),
 ]
 """The same of an endpoint that answers by a job where it takes long."""

@@ -32,6 +32,7 @@ def job_out(job: Job) -> JobOut:
         reused=job.reused,
         solution=job.solution_id,
         atlas=job.id if job.kind is JobKind.ATLAS and job.state is JobState.SUCCEEDED else None,
+        result=None if job.result is None else dict(job.result),
         problem=dict(job.problem),
         labels=dict(job.annotation.labels),
         note=job.annotation.note,

@@ -27,7 +27,7 @@ from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_listed
 from service.api.tagged import validator_headers
 from service.api.verdicts.examiner import examine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
-from service.jobs.records import Job
+from service.jobs.records import Job, JobKind
 from service.jobs.store import Receipt
 from service.sandbox import SandboxTimeoutError
 from service.schemas.atlas.reading import read_atlas
@@ -163,7 +163,8 @@ async def _drawn(
 
 async def _queue(asked: _Checked, inside: Resources, terms: SubmissionTerms) -> Response:
     def store(receipt: Receipt[Made] | None) -> Job:
-        return inside.atlases.submit(
+        return inside.results.submit(
+            JobKind.ATLAS,
             asked.document,
             problem_digest({"atlas": asked.document}),
             priority=terms.priority,
@@ -189,7 +190,7 @@ async def list_atlases(
 ) -> Response:
     """List the jobs that draw atlases, newest first or as asked; `GET /v1/jobs` lists the others."""
     listing = await read_list(inside, asked, OF_ATLAS_ROWS, conditions=in_state(asked.parameters.state))
-    return await listed(request, inside, listing, jobs_listed(inside.atlases.find))
+    return await listed(request, inside, listing, jobs_listed(partial(inside.results.find, JobKind.ATLAS)))
 
 
 @router.get(
@@ -203,6 +204,6 @@ def get_atlas(request: Request, atlas_id: AtlasId, inside: Inside, accept: Accep
     """Show an atlas that a job has drawn; `DELETE` of the job deletes it."""
     write = choose_format(accept)
     headers = validator_headers(request, inside)
-    answer = write(AtlasOut.model_validate(inside.atlases.get(atlas_id)))
+    answer = write(AtlasOut.model_validate(inside.results.get(JobKind.ATLAS, atlas_id)))
     answer.headers.update(headers)
     return answer

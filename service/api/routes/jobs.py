@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from functools import partial
 from http import HTTPStatus
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
@@ -42,14 +43,14 @@ from service.api.submission import (
 )
 from service.api.verdicts.examiner import Submission
 from service.jobs.queue import Lane
-from service.jobs.records import Job, JobPage, JobState
+from service.jobs.records import Job, JobKind, JobPage, JobState
 from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery, in_state
 from service.schemas.reading.documents import Document
 from service.schemas.replies.analysis import CostEstimateOut, QueryEstimateOut
 from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
 from service.settings import Settings
-from service.storage.searching.sources import OF_JOB_ROWS
+from service.storage.searching.sources import OF_JOB_ROWS, OF_STUDY_ROWS
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
 
@@ -88,17 +89,31 @@ class JobsQuery(PageQuery):
     state: JobState | None = Field(default=None, description="Only jobs in this state.")
 
 
+class KindQuery(JobsQuery):
+    """The same, of one kind."""
+
+    kind: Literal["solve", "study"] = Field(
+        default="solve",
+        description="`solve`: jobs that solve a problem; `study`: those that answer a question.",
+    )
+
+
 PRIORITY = (
     "Larger first; above 0 only for keys of the role operate. Of equal priority single problems come before "
     "lists, lists before sweeps, and keys take turns."
 )
 
 
-class SubmitQuery(QueryModel):
+class UrgencyQuery(QueryModel):
+    """The urgency of a job."""
+
+    priority: int = Field(default=0, ge=-100, le=100, description=PRIORITY)
+
+
+class SubmitQuery(UrgencyQuery):
     """The urgency of a submitted job, or the wish for an estimate."""
 
     estimate: bool = Field(default=False, description=ESTIMATE_WORK)
-    priority: int = Field(default=0, ge=-100, le=100, description=PRIORITY)
 
 
 @router.post(
@@ -225,14 +240,17 @@ def _list_submitted(answers: Sequence[Submission | ApiError], made: Sequence[Job
 @router.get(
     "",
     responses=list_responses(JobPageOut | QueryEstimateOut),
-    openapi_extra=query_parameters(JobsQuery),
+    openapi_extra=query_parameters(KindQuery),
 )
 async def list_jobs(
-    request: Request, asked: Annotated[Asked[JobsQuery], Depends(asked_of(JobsQuery))], inside: Inside
+    request: Request, asked: Annotated[Asked[KindQuery], Depends(asked_of(KindQuery))], inside: Inside
 ) -> Response:
-    """List jobs, newest first or as asked."""
-    listing = await read_list(inside, asked, OF_JOB_ROWS, conditions=in_state(asked.parameters.state))
-    return await listed(request, inside, listing, jobs_listed(inside.jobs.find))
+    """List jobs, newest first or as asked; `GET /v1/atlases` lists those that draw atlases."""
+    source, find = OF_JOB_ROWS, inside.jobs.find
+    if asked.parameters.kind == "study":
+        source, find = OF_STUDY_ROWS, partial(inside.results.find, JobKind.STUDY)
+    listing = await read_list(inside, asked, source, conditions=in_state(asked.parameters.state))
+    return await listed(request, inside, listing, jobs_listed(find))
 
 
 def jobs_listed(find: Callable[[ListQuery], JobPage]) -> ListedRows[JobPage]:

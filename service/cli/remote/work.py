@@ -232,6 +232,19 @@ def judge_file(file: Path, *, url: str | None, key: str | None, as_json: bool) -
         fail(f"the potential is {verdict.verdict}", REFUSED)
 
 
+def study_file(file: Path, *, url: str | None, key: str | None, as_json: bool) -> None:
+    """Print a service's answer to the study of a file."""
+    document = read_document(file)
+    if not isinstance(document, dict):
+        fail(f'{file}: a study is a JSON object with "what"', REFUSED)
+    with connected(url, key) as client:
+        found = client.study(document).document
+    # Loaded for an answer only.
+    from service.schemas.replies.study import describe_answer  # noqa: PLC0415
+
+    answer((json.dumps(found) if as_json else describe_answer(found)) + "\n")
+
+
 def wait_for_all(
     thing_ids: Sequence[str], *, seconds: float | None, url: str | None, key: str | None, as_json: bool
 ) -> None:

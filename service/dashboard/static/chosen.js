@@ -145,7 +145,7 @@ const actionsOf = (name, renew) => [
   name !== "solutions" && { id: "act-again", label: "Solve again", fits: (items) => items.length && !items.some(isLive), act: (items) => each(items, "sent again", (item) => again(name, item), renew) },
   { id: "act-csv", label: "Download as CSV", fits: (items) => items.length && items.length <= MOST_NAMED,
     act: (items) => download(`v1/${name}?${new URLSearchParams({ format: "csv", where: `id in (${items.map(({ id }) => id).join(",")})` })}`, `${name}.csv`) },
-  { id: "act-delete", label: "Delete…", fits: (items) => items.length && !(name === "jobs" && items.some(isLive)),
+  { id: "act-delete", label: "Delete…", fits: (items) => items.length && !items.some(isLive),
     act: async (items) => { if (await mayDelete(name, items)) await each(items, "deleted", (item) => remove(name, item), renew); } },
 ].filter(Boolean);
 

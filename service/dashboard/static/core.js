@@ -335,5 +335,9 @@ export function knownCases(known) {
   return h("p", { class: "hint" }, `Known: ${known.map(({ name, source }) => `the case ${name.replaceAll("_", " and ")} (${source})`).join(", ")}.`);
 }
 
+// On narrow screens the names of the pages stand in one line that scrolls.
+const here = document.querySelector("nav [aria-current]");
+if (here) document.querySelector("nav").scrollLeft = here.offsetLeft - 60;
+
 // A tour goes through several pages.
 if (sessionStorage.getItem("polhode.tour")) import("./tours.js").then(({ resume }) => resume());

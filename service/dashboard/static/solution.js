@@ -1,5 +1,5 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ENDS, STABILITY, ago, asked, bodyText, copier, during, exact, fill, get, h, knownCases, measured, motionText, number, pause, potentialText, remember, request, run, troubleOf } from "./core.js";
+import { $, ENDS, STABILITY, ago, asked, bodyText, copier, download, during, exact, fill, get, h, knownCases, measured, motionText, number, pause, potentialText, remember, run, troubleOf } from "./core.js";
 import { centreOf, Clock, drawnBody, framesOf, momentsOf, multipliers, turningBody } from "./body.js";
 import { pointed } from "./chart.js";
 import { between, drifts, namesOf, overTime, phasePlane, samplesOf, SHOWN, stale } from "./series.js";
@@ -31,8 +31,8 @@ function factsOf(solution, tolerances) {
     drift.length ? fact("Drift", drift.map(([name, value], k) => [k ? ", " : "", `${name} `, h("span", { class: "value" }, number(value.drift, 2))]).flat()) : null,
     precession ? fact("Precession ψ in a period", measured(precession.psi1), known("precession.psi1")) : null,
     stability ? fact("Against leaving its plane", h("span", { class: "value" }, STABILITY[stability.verdict]), h("span", { class: "error" },
-      ` trace ${number(stability.trace, 8)} ± ${number(stability.error, 2)}`), known("stability")) : null,
-    stability?.trusted_time ? fact(`Double precision keeps ${number(exact(accuracy?.tolerance ?? tolerances[solution.tier] ?? solution.error), 2)} until`,
+      " trace "), measured(stability.trace.value === undefined ? { value: stability.trace, error: stability.error } : stability.trace), known("stability")) : null,
+    stability?.trusted_time ? fact(`Double precision keeps ${number(exact(accuracy?.tolerance ?? tolerances[solution.tier === "certified" ? "standard" : solution.tier] ?? solution.error), 2)} until`,
       h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`), h("span", { class: "error" }, " at best")) : null,
     check ? fact("Second method", `${check.method} ${check.agrees ? "agrees" : "disagrees"}`, h("span", { class: "error" }, ` within ${number(check.disagreement, 2)}`)) : null,
     fact("Method", `${solution.method}, tier ${solution.tier}`, h("span", { class: "error" }, ` ${number(solution.cost.compute_seconds, 2)} s`)),
@@ -77,13 +77,6 @@ function files(solution) {
       copier("Copy as curl", () => `curl -s '${url}${query(stretch())}' -H 'Accept: text/csv'`),
       copier("Copy as Python", () => `import numpy as np\nimport polhode as ph\n\nmotion = ph.connect(${JSON.stringify(new URL(".", document.baseURI).href)}).solution("${solution.id}")\n`
         + `samples = motion.${samples(stretch())}\nprint(samples.gamma, samples.error)\n`)));
-}
-
-async function download(path, name) {
-  const content = await (await request(path, { headers: { Accept: "*/*" } })).blob();
-  const link = h("a", { href: URL.createObjectURL(content), download: name });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
 async function show() {

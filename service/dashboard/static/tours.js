@@ -1,5 +1,5 @@
 // Three examples: to judge a potential, to compute a motion, to sweep. Each runs as it is, or as a tour through the pages.
-import { $, h, nameOf, onceKey, post, Refusal, request, say, troubleOf } from "./core.js";
+import { $, get, h, nameOf, onceKey, post, Refusal, request, say, troubleOf } from "./core.js";
 import { solved, whyNot } from "./starting.js";
 
 const STATE = "polhode.tour"; // in this tab: which tour, which step, and what it has made
@@ -78,8 +78,13 @@ async function end() {
   const { made } = stored();
   sessionStorage.removeItem(STATE);
   for (const path of made) {
-    if (path.startsWith("v1/sweeps/")) await request(`${path}/cancel`, { method: "POST" }).catch(() => {}); // it may be finished
-    await request(path, { method: "DELETE" }).catch(() => {});
+    try {
+      const { state } = await get(path);
+      if (["queued", "running"].includes(state)) await post(`${path}/cancel`);
+      await request(path, { method: "DELETE" });
+    } catch (error) {
+      if (!(error instanceof Refusal)) throw error; // others use it, or somebody has deleted it
+    }
   }
   location.href = "./";
 }

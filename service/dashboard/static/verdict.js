@@ -26,6 +26,7 @@ const PROOFS = {
   counterexample: "at one point the residual of the compatibility equation is certainly not zero",
   numeric: "no counterexample was found, which is not a proof",
 };
+const LEAST_SIZE = 0.6; // of a formula's letters: smaller ones cannot be read
 const FINE = 10n ** 40n; // parts of one
 const WANTED = ["h", "F", "G", "curve", "p_squared"];
 
@@ -69,11 +70,29 @@ function otherBodies({ ratios, others }, useRatio) {
 /** Show h, F, G and what else is known of the motion; of several ways to write one, that with the parameters' names comes first. */
 export function showFormulas(formulas) {
   const shown = WANTED.map((name) => formulas.find((candidate) => candidate.name === name && candidate.formats.mathml)).filter(Boolean);
-  const place = $("formulas");
-  fill(place, shown.map((one) => h("div", { class: "formula-line" }, formula(one.formats.mathml))));
-  // Formulas that are too long to stand beside the sphere stand above it.
-  place.parentElement.classList.remove("wide");
-  place.parentElement.classList.toggle("wide", place.scrollWidth > place.clientWidth);
+  fill($("formulas"), shown.map((one) => inLines(formula(one.formats.mathml))));
+  for (const line of $("formulas").children) { // a long fraction has no place to be broken at
+    const share = line.clientWidth / line.scrollWidth;
+    if (share < 1) line.style.fontSize = `${Math.max(LEAST_SIZE, share)}em`;
+  }
+}
+
+/** Return a formula whose sum goes on in the next line where it is too long for one. */
+function inLines(math) {
+  const terms = [[]];
+  for (const node of [...math.childNodes]) {
+    if (node.localName === "mo" && "+−-".includes(node.textContent) && node.getAttribute("form") !== "prefix") {
+      node.setAttribute("form", "infix"); // at the beginning of a term it would be that of a sign
+      terms.push([]);
+    }
+    terms.at(-1).push(node);
+  }
+  return h("div", { class: "formula-line" }, terms.map((nodes) => {
+    const term = document.createElementNS(MATHML, "math");
+    term.setAttribute("displaystyle", "true");
+    term.append(...nodes);
+    return term;
+  }));
 }
 
 /** Draw the curve |γ₃| = λ |γ₁|^(C/A), the part that the motion fills, and a counterexample, on the sphere. */

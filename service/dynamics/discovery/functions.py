@@ -12,11 +12,11 @@ from fractions import Fraction
 from math import comb, lcm
 from typing import TypeVar
 
-from flint import Ordering, arb, fmpz, fmpz_mpoly, fmpz_mpoly_ctx
+from flint import Ordering, arb, fmpz_mpoly, fmpz_mpoly_ctx
 
 from service.dynamics.discovery.outcomes import UndefinedFunctionError
 from service.dynamics.discovery.setting import STATE, VELOCITIES, LetteredSetting
-from service.dynamics.discovery.strata import Letters, by_powers
+from service.dynamics.discovery.strata import Letters, by_powers, coefficients
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.parameters import PI
@@ -291,12 +291,7 @@ class Functions:
 
     def split(self, polynomial: fmpz_mpoly) -> dict[tuple[int, ...], fmpz_mpoly]:
         """Return the coefficients, in the letters, of the monomials in atoms and variables."""
-        count, ring = self.first_letter, self.letters.ring
-        parts: dict[tuple[int, ...], dict[tuple[int, ...], int | fmpz]] = {}
-        for exponents, coefficient in polynomial.to_dict().items():
-            whole = tuple(int(each) for each in exponents)
-            parts.setdefault(whole[:count], {})[whole[count:]] = coefficient
-        return {monomial: ring.from_dict(terms) for monomial, terms in parts.items()}
+        return coefficients(polynomial, self.letters.ring, slice(self.first_letter))
 
     def text(self, polynomial: fmpz_mpoly) -> str | None:
         """Return a polynomial as a formula, None if there are atoms in it."""

@@ -6,9 +6,9 @@ their exponents. A basis has of each degree what is no multiple by |γ|² of wha
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cache, reduce
+from functools import reduce
 from itertools import product as pairs_of
 
 from flint import Ordering, acb_poly, fmpz_mpoly, fmpz_mpoly_ctx, fmpz_poly, nmod_poly
@@ -34,13 +34,14 @@ from service.dynamics.discovery.strata import (
     rank_modulo,
     special_strata,
 )
-from service.dynamics.discovery.texts import factored_text
 from service.dynamics.equations.compatibility import pde_residual
 from service.dynamics.errors import EqualMomentsError
 from service.dynamics.formula.tree import VARIABLES
 
 MAX_DEGREE = 16
 """The largest degree of a search."""
+_GAMMA = slice(-3, None)
+"""The places of g1, g2, g3."""
 _AT = (1_000_003, 998_244_353)
 """Values of A and C at which ranks are compared modulo a prime."""
 _PRIMES = range(10_007, 14_007, 2)
@@ -55,6 +56,8 @@ class _Ring:
     letters: Letters
     A: fmpz_mpoly
     C: fmpz_mpoly
+    kernels: "dict[_Block, list[fmpz_mpoly]]" = field(default_factory=dict)
+    """Bases that were found: each is asked for by blocks above it, and beside others."""
 
     @property
     def gamma(self) -> tuple[fmpz_mpoly, ...]:
@@ -67,13 +70,13 @@ class _Ring:
         return pde_residual(self.A, self.C, self.gamma, first, second)
 
 
-@cache
 def _ring(ratio: Fraction | None) -> _Ring:
     names = ("A", "C") if ratio is None else ()
     whole = fmpz_mpoly_ctx.get((*names, *VARIABLES), Ordering.lex)
     letters = Letters(fmpz_mpoly_ctx.get(names, Ordering.lex), frozenset(range(len(names))))
     if ratio is None:
-        return _Ring(whole, letters, *whole.gens()[:2])
+        A, C, *_ = whole.gens()
+        return _Ring(whole, letters, A, C)
     return _Ring(whole, letters, whole.constant(ratio.numerator), whole.constant(ratio.denominator))
 
 
@@ -104,15 +107,19 @@ class _Block:
         for column, monomial in enumerate(self.monomials):
             padded = (*(0,) * (len(ring.whole.names()) - 3), *monomial)
             image = ring.residual(ring.whole.from_dict({padded: 1}))
-            for place, entry in coefficients(image, ring.letters.ring, 3).items():
+            for place, entry in coefficients(image, ring.letters.ring, _GAMMA).items():
                 rows.setdefault(place, {})[column] = entry
         return list(rows.values())
 
     def kernel(self, ring: _Ring) -> list[fmpz_mpoly]:
         """Return a basis of the admissible ones, with high powers of g2 first."""
-        if self.degree < 0:
-            return []
-        monomials, found = self.monomials, []
+        found = ring.kernels.get(self)
+        if found is None:
+            found = ring.kernels[self] = [] if self.degree < 0 else self._solved(ring)
+        return found
+
+    def _solved(self, ring: _Ring) -> list[fmpz_mpoly]:
+        monomials, found = self.monomials, list[fmpz_mpoly]()
         for row in echelon(kernel(self.rows(ring), len(monomials), ring.letters), ring.letters):
             terms = {
                 (*low, *monomials[place]): value for place, each in row.items() for low, value in each.terms()
@@ -180,11 +187,11 @@ def ratios_that_admit(
     moments = {"C": C} if B is None else {"B": B, "C": C}
     setting = read_setting(moments, potential, parameters)
     tape = setting.tape(setting.potential)
-    field = Functions(setting, [tape])
-    V, ring = field.value(tape), _ring(None)
+    functions = Functions(setting, [tape])
+    V, ring = functions.value(tape), _ring(None)
     known = {name: place for place, name in enumerate(ring.whole.names())}
     terms: dict[tuple[int, ...], int] = {}
-    names = [*field.ring.names()]
+    names = [*functions.ring.names()]
     for exponents, value in V.numerator.terms():
         used = {name: int(k) for name, k in zip(names, exponents, strict=True) if k}
         if not used.keys() <= known.keys():
@@ -201,7 +208,7 @@ def ratios_that_admit(
     )
     rest = residual % (g1**2 + g2**2 + g3**2 - 1)
     zero = ring.letters.ring.constant(0)
-    common = reduce(lambda x, y: x.gcd(y), coefficients(rest, ring.letters.ring, 3).values(), zero)
+    common = reduce(lambda x, y: x.gcd(y), coefficients(rest, ring.letters.ring, _GAMMA).values(), zero)
     if not common:
         return AdmittingRatios(all=True)
     ratios, others = set[Fraction](), list[str]()
@@ -243,7 +250,7 @@ def _shortened(ring: _Ring, polynomial: fmpz_mpoly, span: Sequence[fmpz_mpoly]) 
     """Return the polynomial plus a multiple of one of ``span`` if that is shorter; its first term is > 0."""
     best = polynomial
     for other in span:
-        ours, theirs = (coefficients(each, ring.letters.ring, 3) for each in (polynomial, other))
+        ours, theirs = (coefficients(each, ring.letters.ring, _GAMMA) for each in (polynomial, other))
         for monomial in ours.keys() & theirs.keys():
             scale, change = (
                 each.compose(*ring.whole.gens()[:-3], ctx=ring.whole)
@@ -263,7 +270,7 @@ def _rank(polynomials: Sequence[fmpz_mpoly], block: _Block) -> int:
     for each in polynomials:
         names = each.context().names()[:-3]
         low = fmpz_mpoly_ctx.get(names, Ordering.lex)
-        parts = coefficients(each, low, 3)
+        parts = coefficients(each, low, _GAMMA)
         rows.append({places[m]: evaluated(entry, _AT[: len(names)]) for m, entry in parts.items()})
     return rank_modulo(rows, len(places))
 
@@ -326,3 +333,17 @@ def _has_positive_root(polynomial: fmpz_poly) -> bool:
     """Whether a polynomial without multiple roots may have a positive one: none of it is 0, or a pair."""
     roots = acb_poly([int(each) for each in polynomial.coeffs()]).roots()
     return any(bool(root.imag.contains(0)) and not root.real < 0 for root in roots)
+
+
+def factored_text(polynomial: fmpz_mpoly) -> str:
+    """Return the polynomial as a product of irreducible factors, shorter ones first, with its sign."""
+    if polynomial.is_constant():
+        return str(polynomial)
+    constant, factors = polynomial.factor()
+    pieces = []
+    for factor, power in sorted(factors, key=lambda each: (len(each[0]), str(each[0]))):
+        is_only = len(factors) == 1 and power == 1 and constant == 1
+        piece = str(factor) if len(factor) == 1 or is_only else f"({factor})"
+        pieces.append(piece if power == 1 else f"{piece}^{power}")
+    text = "*".join(pieces)
+    return text if constant == 1 else f"-{text}" if constant == -1 else f"{constant}*{text}"

@@ -13,12 +13,11 @@ from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.tree import (
     VARIABLES,
     Binary,
-    Call,
-    Negation,
     Symbol,
     Tree,
     fold_tree,
     post_order,
+    with_operands,
 )
 from service.dynamics.potentials.terms.bound_formula import MOMENTS, require_parameter_names
 
@@ -128,16 +127,7 @@ def substituted(tree: Tree, images: Mapping[str, Tree]) -> Tree:
     """Return the tree with names replaced by their images."""
 
     def build(_: int, node: Tree, operands: Sequence[Tree]) -> Tree:
-        match node:
-            case Symbol(name):
-                return images.get(name, node)
-            case Binary(operator):
-                return Binary(operator, operands[0], operands[1])
-            case Negation():
-                return Negation(operands[0])
-            case Call(function):
-                return Call(function, operands[0])
-        return node
+        return images.get(node.name, node) if isinstance(node, Symbol) else with_operands(node, operands)
 
     return fold_tree(tree, build)
 

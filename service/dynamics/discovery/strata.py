@@ -421,13 +421,15 @@ def by_powers(polynomial: fmpz_mpoly, index: int) -> dict[int, fmpz_mpoly]:
 
 
 def coefficients(
-    polynomial: fmpz_mpoly, ring: fmpz_mpoly_ctx, count: int
+    polynomial: fmpz_mpoly, ring: fmpz_mpoly_ctx, places: slice
 ) -> dict[tuple[int, ...], fmpz_mpoly]:
-    """Return the coefficients, in ``ring``, of the monomials in the last ``count`` generators."""
+    """Return the coefficients, in ``ring``, of the monomials in the generators at ``places``, an end."""
     parts: dict[tuple[int, ...], dict[tuple[int, ...], int | fmpz]] = {}
     for exponents, coefficient in polynomial.to_dict().items():
         whole = tuple(int(each) for each in exponents)
-        parts.setdefault(whole[-count:], {})[whole[:-count]] = coefficient
+        monomial = whole[places]
+        letters = whole[len(monomial) :] if places.start is None else whole[: places.start]
+        parts.setdefault(monomial, {})[letters] = coefficient
     return {monomial: ring.from_dict(terms) for monomial, terms in parts.items()}
 
 

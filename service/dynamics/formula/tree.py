@@ -79,6 +79,18 @@ def children(node: Tree) -> tuple[Tree, ...]:
     return ()
 
 
+def with_operands(node: Tree, operands: Sequence[Tree]) -> Tree:
+    """Return a node like ``node`` with other operands."""
+    match node:
+        case Binary(operator):
+            return Binary(operator, operands[0], operands[1])
+        case Negation():
+            return Negation(operands[0])
+        case Call(function):
+            return Call(function, operands[0])
+    return node
+
+
 def post_order(tree: Tree) -> list[Tree]:
     """Return all nodes, operands before what they are operands of, left before right.
 

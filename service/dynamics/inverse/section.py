@@ -19,7 +19,16 @@ from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, fold_tree
+from service.dynamics.formula.tree import (
+    Binary,
+    Call,
+    Negation,
+    Number,
+    Symbol,
+    Tree,
+    fold_tree,
+    with_operands,
+)
 from service.dynamics.inverse.enclosures import BallFunction
 from service.dynamics.inverse.monomial_sums import Expansion
 from service.dynamics.potentials.potential import Potential
@@ -133,13 +142,7 @@ def substituted_formula(body: RigidBody, tree: Tree, signs: tuple[int, int]) -> 
                 return images.get(name, node)
             case Binary("^", Symbol(name), Number(exponent)) if name in images and exponent % 2 == 0:
                 return square if exponent == 2 else Binary("^", square, Number(exponent / 2))
-            case Binary(operator):
-                return Binary(operator, operands[0], operands[1])
-            case Negation():
-                return Negation(operands[0])
-            case Call(function):
-                return Call(function, operands[0])
-        return node
+        return with_operands(node, operands)
 
     factor = parse(f"({(body.A + body.C) / 2})*(1 - g2^2)")
     try:

@@ -35,7 +35,16 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, fold_tree
+from service.dynamics.formula.tree import (
+    Binary,
+    Call,
+    Negation,
+    Number,
+    Symbol,
+    Tree,
+    fold_tree,
+    with_operands,
+)
 from service.dynamics.potentials.recognition.three_terms import ThreeTerms
 from service.dynamics.reduction.window import Window
 
@@ -242,13 +251,7 @@ def _substituted(V: Tree, power_of: Callable[[str, int], Tree]) -> Tree:
                 return power_of(name, 1)
             case Binary("^", Symbol("g2" | "g3" as name), exponent) if (n := _whole(exponent)) is not None:
                 return power_of(name, n)
-            case Negation():
-                return Negation(operands[0])
-            case Call(function):
-                return Call(function, operands[0])
-            case Binary(operator):
-                return Binary(operator, operands[0], operands[1])
-        return node
+        return with_operands(node, operands)
 
     return fold_tree(V, build)
 

@@ -158,8 +158,10 @@ def _planar_only(kind: str | None, parts: Mapping[str, object]) -> Iterator[Faul
     outputs = parts.get("outputs")
     is_integrated = kind == "state" or parts.get("method") == "integration"
     asked = outputs if isinstance(outputs, list) else []
-    if kind in ("state", "classical") and "stability" in asked:
-        message = f"stability is of planar motions; leave it out for a {kind} motion"
+    if kind == "state" and "stability" in asked:
+        message = (
+            "stability is of periodic motions; leave it out for a state motion, whose period is not known"
+        )
         yield Fault(f"/outputs/{asked.index('stability')}", "output_needs_planar_motion", message)
     if is_integrated and "period" in asked:
         message = (

@@ -25,7 +25,10 @@ class JobOut(ResponseModel):
     atlas: str | None = Field(
         description="Id of the atlas, when a job has succeeded in drawing one: see `/v1/atlases/{id}`."
     )
-    problem: dict[str, object] = Field(description="The document as it was sent.")
+    result: dict[str, object] | None = Field(
+        description="The answer of a study, when a job has succeeded in it; see also `/v1/jobs/{id}/result`."
+    )
+    problem: dict[str, object] = Field(description="The document as it was sent; of a study with `what`.")
     labels: dict[str, str] = Field(description="Its labels: values by their keys.")
     note: str | None = Field(description="What somebody wrote on it.")
     created_at: datetime = Field(description="When it was submitted, UTC.")

@@ -31,13 +31,13 @@ ENDS_IN_WORDS: Mapping[str, str] = {
     "collision": "runs into a collision",
     "edge": "reaches the edge of the domain",
 }
-"""What a motion does at an end of its range, by the name of the end."""
+"""Words for what a motion does at an end of its range, by the name of the end."""
 STABILITY_IN_WORDS: Mapping[str, str] = {
     "stable": "linearly stable",
     "unstable": "linearly unstable",
     "marginal": "not decided by the linear equation",
 }
-"""What a motion is against leaving its plane, by the verdict."""
+"""Words for how a motion is against leaving its plane, by the verdict."""
 
 
 def range_in_words(ends: Iterable[str]) -> str:

@@ -64,6 +64,13 @@ class DriftOut(ResponseModel):
     drift: float = Field(description="Largest absolute departure.")
 
 
+class EnclosedIntegralOut(ResponseModel):
+    """An integral in the tier certified."""
+
+    value: EnclosureOut = Field(description="Its proven value, of the exact state.")
+    drift: float = Field(description="Largest absolute departure of the samples in doubles.")
+
+
 class FurtherIntegralOut(ResponseModel):
     """A further integral, which bodies with A = B = 2C or 4C may have.
 
@@ -78,17 +85,22 @@ class FurtherIntegralOut(ResponseModel):
 
 
 class PrecessionOut(ResponseModel):
-    """Growth of the azimuths of two body axes about the space axis in one period."""
+    """Growth of the azimuths of two body axes about the space axis in one period.
 
-    psi1: EstimateOut = Field(description="Of the first principal axis; radians.")
-    psi3: EstimateOut = Field(description="Of the third principal axis; radians.")
+    Enclosures in the tier certified.
+    """
+
+    psi1: EstimateOut | EnclosureOut = Field(description="Of the first principal axis; radians.")
+    psi3: EstimateOut | EnclosureOut = Field(description="Of the third principal axis; radians.")
 
 
 class StabilityOut(ResponseModel):
-    """Whether small disturbances leave the plane of the motion."""
+    """Whether small disturbances leave a periodic motion, or the plane of a planar one."""
 
-    trace: float = Field(description="μ + 1/μ over the period of the six variables.")
-    error: float = Field(description="Of the trace.")
+    trace: float | EnclosureOut = Field(
+        description="μ + 1/μ over the period of the six variables; an enclosure in the tier certified."
+    )
+    error: float = Field(description="Of the trace, or of the double nearest to an enclosed one.")
     multipliers: tuple[tuple[float, float], tuple[float, float]] = Field(
         description="μ and 1/μ as [real, imaginary]."
     )
@@ -108,8 +120,8 @@ class StabilityOut(ResponseModel):
         description="The trace from Lamé's equation, where it applies: a second, independent value."
     )
     trusted_time: float | None = Field(
-        description="Until this time at best, double precision keeps the problem's tolerance; null if beyond"
-        " a million periods."
+        description="Until this time at best, double precision keeps the problem's tolerance, in the tier"
+        " certified that of the tier standard; null if beyond a million periods."
     )
 
 
@@ -189,7 +201,7 @@ class SolutionOut(ResponseModel):
         description="h, in the unit of moments over squared times; an enclosure in the tier certified."
     )
     window: WindowOut | None = Field(description="Of a planar motion.")
-    invariants: dict[str, FurtherIntegralOut | DriftOut] | None = Field(
+    invariants: dict[str, FurtherIntegralOut | EnclosedIntegralOut | DriftOut] | None = Field(
         description="If the outputs ask for them."
     )
     error: float = Field(description="Largest absolute error of any variable over the asked times.")
@@ -268,7 +280,10 @@ class EnclosuresOut(ResponseModel):
         description="Balls that contain the exact times, to which the columns belong: those of the problem;"
         " of times in periods, the multiples of the true period."
     )
-    columns: dict[str, list[EnclosureOut]] = Field(description="p, q, r, g1, g2, g3.")
+    columns: dict[str, list[EnclosureOut]] = Field(
+        description="p, q, r, g1, g2, g3; of motions proven by steps also q0 to q3, psi1 and psi3, if the"
+        " outputs ask for the orientation."
+    )
 
 
 class HealthOut(ResponseModel):

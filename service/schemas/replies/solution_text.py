@@ -80,13 +80,17 @@ def describe_solution(summary: Part) -> Iterator[str]:
         parts = (f"{name} {error:.1e}" for name, error in groups.items() if error is not None)
         yield f"relative    ≤ {', '.join(parts)}"
     for name, integral in (summary["invariants"] or {}).items():
-        value = f" of {integral['value']!r} ({integral['kind']})" if "value" in integral else ""
+        value = f" of {integral['value']!r} ({integral['kind']})" if "kind" in integral else ""
+        value = f" of {_estimate(integral['value'])}" if isinstance(integral.get("value"), Mapping) else value
         yield f"{name + ' drift':<18}{integral['drift']:.1e}{value}"
     stability = summary["stability"]
     if stability is not None:
+        found = stability["trace"]
+        trace = _estimate(
+            found if isinstance(found, Mapping) else {"value": found, "error": stability["error"]}
+        )
         words = STABILITY_IN_WORDS[stability["verdict"]]
-        trace = f"trace {stability['trace']!r} ± {stability['error']:.1e}"
-        yield f"stability   against leaving its plane: {words}, {trace}{_kind(kinds, 'stability')}"
+        yield f"stability   against leaving its plane: {words}, trace {trace}{_kind(kinds, 'stability')}"
     for name, angle in (summary.get("precession") or {}).items():
         yield f"precession  {name} {_estimate(angle)} a period{_kind(kinds, f'precession.{name}')}"
     check, warnings = summary["cross_check"], summary.get("warnings") or []

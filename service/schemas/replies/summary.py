@@ -50,10 +50,10 @@ class AsymptotesSummary(TypedDict):
 
 
 class IntegralSummary(TypedDict):
-    """The largest deviation of an integral, and of a further one its value."""
+    """The largest deviation of an integral, and of a further or a proven one its value."""
 
     drift: float
-    value: NotRequired[float]
+    value: NotRequired[float | EnclosureSummary]
     kind: NotRequired[str]
 
 
@@ -76,7 +76,7 @@ class CrossCheckSummary(TypedDict):
 class StabilitySummary(TypedDict):
     """Whether small disturbances leave the plane of the motion."""
 
-    trace: float
+    trace: float | EnclosureSummary
     error: float
     multipliers: Sequence[Sequence[float]]
     multipliers_error: float
@@ -91,8 +91,8 @@ class StabilitySummary(TypedDict):
 class PrecessionSummary(TypedDict):
     """Growth of the azimuths of two body axes in one period."""
 
-    psi1: EstimateSummary
-    psi3: EstimateSummary
+    psi1: EstimateSummary | EnclosureSummary
+    psi3: EstimateSummary | EnclosureSummary
 
 
 class NoticeSummary(TypedDict):

@@ -334,6 +334,8 @@ def _number(solution: Part, path: tuple[str, ...]) -> float:
     if not isinstance(found, Mapping):
         return math.nan
     value = found.get(field)
+    if isinstance(value, Mapping):
+        value = value.get("value")
     if field == "error" and "radius" in found:
         return _error_of_rounded(found)
     if isinstance(value, str):

@@ -47,7 +47,7 @@ def summary_columns(problem: Part, summary: Part) -> SummaryColumns:
         B=_number(_at(problem, "body", "B")),
         lambda_=_number(_at(problem, "motion", "lambda")),
         drift=_largest_drift(_at(summary, "invariants")),
-        trace=_number(_at(summary, "stability", "trace")),
+        trace=_number(_middle(_at(summary, "stability", "trace"))),
         seconds=_number(_at(summary, "cost", "compute_seconds")),
         stability=_word(_at(summary, "stability", "verdict")),
         aperiodic=_word(_at(summary, "aperiodic")),
@@ -67,6 +67,11 @@ def _at(document: object, *keys: str) -> object:
             return None
         document = document.get(key)
     return document
+
+
+def _middle(value: object) -> object:
+    """Return a number itself, or the middle of an enclosure."""
+    return _at(value, "value") if isinstance(value, Mapping) else value
 
 
 def _word(value: object) -> str | None:

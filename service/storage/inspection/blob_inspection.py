@@ -20,7 +20,7 @@ from service.storage.codecs.packing import (
 from service.storage.database.database import Database
 from service.storage.inspection.inspect import EXAMPLES, Finding
 from service.storage.tables.base import Base
-from service.storage.tables.jobs import AtlasRow
+from service.storage.tables.jobs import ResultRow
 from service.storage.tables.operations import ExaminationRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow
 from service.storage.tables.sweeps import SweepChunkRow
@@ -102,8 +102,14 @@ def _kinds() -> Iterator[_Kind]:
         is_warning=True,
         remedy="damaged ones are deleted, and found again when they are needed",
     )
-    atlas = AtlasRow
-    yield _packets("atlas_packets", "atlases can be read", atlas.job_id, atlas.data, decode_document)
+    atlas = ResultRow
+    yield _packets(
+        "atlas_packets",
+        "atlases and answers of studies can be read",
+        atlas.job_id,
+        atlas.data,
+        decode_document,
+    )
     yield _Kind(
         "chunk_packets",
         "the points of sweeps can be read, and are as many and as large as is said of them",

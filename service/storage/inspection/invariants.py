@@ -31,15 +31,15 @@ from service.storage.inspection.repairs import (
     compute_again,
     date_ends,
     delete_orphans,
-    draw_again,
     end_attempts,
-    forget_atlases,
     forget_comparisons,
+    forget_results,
+    make_again,
     open_attempts,
     release_leases,
 )
 from service.storage.tables.base import DatabaseNow, Word
-from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
+from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow, ResultRow
 from service.storage.tables.operations import ApiKeyRow
 from service.storage.tables.schema import METADATA, TABLES
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
@@ -241,20 +241,24 @@ def _audits() -> Iterator[Invariant]:
     )
 
 
+_MAKERS = (JobKind.ATLAS.value, JobKind.STUDY.value)
+"""Kinds of jobs that make a document."""
+
+
 def _atlases() -> Iterator[Invariant]:
-    has_succeeded = and_(JobRow.state == JobState.SUCCEEDED.value, JobRow.kind == JobKind.ATLAS.value)
-    has_atlas = exists().where(AtlasRow.job_id == JobRow.id)
+    has_succeeded = and_(JobRow.state == JobState.SUCCEEDED.value, JobRow.kind.in_(_MAKERS))
+    has_atlas = exists().where(ResultRow.job_id == JobRow.id)
     yield Invariant(
         "missing_atlases",
-        "a job that has succeeded in drawing an atlas has it",
+        "a job that has succeeded in drawing an atlas, or in a study, has what it made",
         select(JobRow.id).where(has_succeeded, not_(has_atlas)),
-        Remedy("the job is queued again", draw_again),
+        Remedy("the job is queued again", make_again),
     )
     yield Invariant(
         "early_atlases",
-        "a job that has an atlas has succeeded in drawing it",
+        "a job that has an atlas, or the answer of a study, has succeeded",
         select(JobRow.id).where(not_(has_succeeded), has_atlas),
-        Remedy("the atlas is removed: the job draws it anew", forget_atlases),
+        Remedy("it is removed: the job makes it anew", forget_results),
     )
 
 
@@ -262,7 +266,7 @@ def invariants_of_keys() -> Iterator[Invariant]:
     """Yield the invariants of keys."""
     yield Invariant(
         "stored_bytes",
-        "a key is charged for the arrays of its results, and for its atlases, that are stored",
+        "a key is charged for the arrays of its results, its atlases and its studies that are stored",
         select(ApiKeyRow.id).where(ApiKeyRow.stored_bytes != _stored()),
         Remedy("the bytes are counted again", _recharge),
     )
@@ -302,8 +306,8 @@ def _of_solutions(table: type[DenseOutputRow] | type[SamplesRow]) -> ColumnEleme
 
 def _of_atlases() -> ColumnElement[int]:
     return (
-        select(func.coalesce(func.sum(func.length(AtlasRow.data)), 0))
-        .join(JobRow, JobRow.id == AtlasRow.job_id)
+        select(func.coalesce(func.sum(func.length(ResultRow.data)), 0))
+        .join(JobRow, JobRow.id == ResultRow.job_id)
         .where(JobRow.key_id == ApiKeyRow.id)
         .correlate(ApiKeyRow)
         .scalar_subquery()

@@ -28,7 +28,7 @@ from service.jobs.records import AttemptOutcome, JobState
 from service.storage.database.database import Database
 from service.storage.jobs.moves import end_attempt, move
 from service.storage.tables.base import DatabaseNow
-from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
+from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow, ResultRow
 
 Broken = Select[str]
 """Selects the ids of the rows that violate an invariant."""
@@ -58,8 +58,8 @@ def compute_again(database: Database, broken: Broken) -> int:
     return _queue(database, JobRow.solution_id.in_(broken), solution_id=None, reused=False)
 
 
-def draw_again(database: Database, broken: Broken) -> int:
-    """Requeue the jobs that have succeeded but whose atlases are missing."""
+def make_again(database: Database, broken: Broken) -> int:
+    """Requeue the jobs that have succeeded but whose atlases, or answers, are missing."""
     return _queue(database, JobRow.id.in_(broken))
 
 
@@ -109,10 +109,10 @@ def forget_comparisons(database: Database, broken: Broken) -> int:
         return _changed(session, update(AuditRow).where(AuditRow.job_id.in_(broken)).values(comparison=None))
 
 
-def forget_atlases(database: Database, broken: Broken) -> int:
-    """Remove atlases."""
+def forget_results(database: Database, broken: Broken) -> int:
+    """Remove atlases and answers of studies."""
     with database.write() as session:
-        return _changed(session, delete(AtlasRow).where(AtlasRow.job_id.in_(broken)))
+        return _changed(session, delete(ResultRow).where(ResultRow.job_id.in_(broken)))
 
 
 def release_leases(database: Database, broken: Broken) -> int:

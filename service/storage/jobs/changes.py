@@ -14,10 +14,9 @@ from sqlalchemy import and_, literal_column, or_, select
 from sqlalchemy.orm import Session
 
 from service.jobs.records import Job
-from service.storage.annotations import annotations_of
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now
-from service.storage.jobs.records import job_of
+from service.storage.jobs.records import jobs_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepRow
 
@@ -92,10 +91,7 @@ class ChangeReader:
             for start in range(0, len(ids), _TOGETHER):
                 some = select(JobRow).where(JobRow.id.in_(ids[start : start + _TOGETHER]))
                 rows = session.scalars(some).all()
-                found += [
-                    (row.changed_at, job_of(row, annotation))
-                    for row, annotation in zip(rows, annotations_of(session, rows), strict=True)
-                ]
+                found += zip((row.changed_at for row in rows), jobs_of(session, rows), strict=True)
         return found
 
 

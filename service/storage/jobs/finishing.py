@@ -24,7 +24,7 @@ from sqlalchemy import (
 from sqlalchemy.orm import Session
 from sqlalchemy.sql import ColumnElement
 
-from service.jobs.records import AtlasResult, AttemptOutcome, Claim, JobState, Solved
+from service.jobs.records import AttemptOutcome, Claim, JobResult, JobState, Solved
 from service.schemas.reading.documents import Part
 from service.storage.annotations import LABELS_OF_JOB, copy_labels
 from service.storage.codecs.summary import summary_columns
@@ -33,7 +33,7 @@ from service.storage.database.rows import new_id
 from service.storage.jobs.moves import end_attempt, fence, may_become, move
 from service.storage.keys.key_store import charge
 from service.storage.tables.base import DatabaseNow, table_of
-from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
+from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow, ResultRow
 from service.storage.tables.labels import SolutionLabelRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 
@@ -213,12 +213,12 @@ def _store_each(connection: Connection, ended: Sequence[tuple[Claim, Solved]]) -
     return held
 
 
-def store_atlas(session: Session, claim: Claim, outcome: AtlasResult) -> bool:
-    """Store the atlas of a claimed job on the account of its key, if the claim holds."""
+def store_result(session: Session, claim: Claim, outcome: JobResult) -> bool:
+    """Store the document that a claimed job has made, on the account of its key, if the claim holds."""
     if not move(session, JobState.SUCCEEDED, *fence(claim), progress=1.0):
         return False
     end_attempt(session, claim.job_id, claim.attempt, AttemptOutcome.SUCCEEDED)
-    session.execute(insert(AtlasRow).values(job_id=claim.job_id, data=outcome.data))
+    session.execute(insert(ResultRow).values(job_id=claim.job_id, data=outcome.data))
     charge(session.connection(), claim.key_id, len(outcome.data))
     return True
 

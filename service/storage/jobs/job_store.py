@@ -10,7 +10,6 @@ from service.jobs.kernels import Way
 from service.jobs.queue import Lane
 from service.jobs.records import (
     SUBMITTED,
-    AtlasResult,
     Attempt,
     AttemptOutcome,
     ChunkOutcome,
@@ -21,6 +20,7 @@ from service.jobs.records import (
     JobKind,
     JobNotFoundError,
     JobPage,
+    JobResult,
     JobState,
     Outcome,
     Refused,
@@ -31,16 +31,16 @@ from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
 from service.schemas.reading.documents import Part
-from service.storage.annotations import annotations_of, rewrite
+from service.storage.annotations import rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, is_id
 from service.storage.examinations import store_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
-from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_atlas
+from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_result
 from service.storage.jobs.moves import BEGUN, end_attempt, fence, history, lose, move
 from service.storage.jobs.queue import announce
-from service.storage.jobs.records import job_of, page_of_jobs
+from service.storage.jobs.records import job_of, jobs_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
 from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
@@ -232,9 +232,9 @@ class SqlJobStore:
         if isinstance(outcome, Refused):
             with self._database.write() as session:
                 return self._fail(session, claim, outcome.error), take(session.connection())
-        if isinstance(outcome, AtlasResult):
+        if isinstance(outcome, JobResult):
             with self._database.write() as session:
-                return store_atlas(session, claim, outcome), take(session.connection())
+                return store_result(session, claim, outcome), take(session.connection())
         with self._database.write_rows() as connection:
             return store_and_charge(connection, claim, outcome), take(connection)
 
@@ -362,8 +362,8 @@ class SqlJobStore:
 
 
 def _job(session: Session, row: JobRow) -> Job:
-    (annotation,) = annotations_of(session, [row])
-    return job_of(row, annotation)
+    (job,) = jobs_of(session, [row])
+    return job
 
 
 def _row(session: Session, job_id: str, *, is_locked: bool = False) -> JobRow:

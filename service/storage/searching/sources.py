@@ -232,8 +232,11 @@ OF_JOB_ROWS = Source(
 )
 
 
-OF_ATLAS_ROWS = replace(OF_JOB_ROWS, name="atlases", always=(JobRow.kind == JobKind.ATLAS.value,))
-"""The jobs that draw atlases."""
+OF_ATLAS_ROWS, OF_STUDY_ROWS = (
+    replace(OF_JOB_ROWS, name=name, always=(JobRow.kind == kind.value,))
+    for name, kind in (("atlases", JobKind.ATLAS), ("studies", JobKind.STUDY))
+)
+"""The jobs that draw atlases, and those that study."""
 
 
 def chunks_of(sweep_id: str) -> Source:

@@ -11,12 +11,11 @@ from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery, Value
 from service.schemas.reading.annotation import UNANNOTATED
 from service.schemas.reading.documents import Part
-from service.storage.annotations import annotations_of
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id
 from service.storage.examinations import store_rows
 from service.storage.jobs.queue import announce
-from service.storage.jobs.records import job_of, page_of_jobs
+from service.storage.jobs.records import job_of, jobs_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
 from service.storage.keys.idempotency_store import write_key
 from service.storage.searching.sources import audits_of
@@ -114,7 +113,7 @@ class AuditStore:
                 row = session.get(JobRow, audit_id)
                 audit = session.get(AuditRow, audit_id)
                 if row is not None and audit is not None and audit.solution_id == solution_id:
-                    return Audit(job_of(row, *annotations_of(session, [row])), solution_id, audit.comparison)
+                    return Audit(jobs_of(session, [row])[0], solution_id, audit.comparison)
         raise AuditNotFoundError(solution_id, audit_id)
 
     def find(self, solution_id: str, query: ListQuery) -> AuditPage:

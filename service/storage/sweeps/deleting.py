@@ -17,7 +17,7 @@ from service.storage.database.database import Database
 from service.storage.database.rows import is_id
 from service.storage.jobs import chunks
 from service.storage.keys.key_store import charge
-from service.storage.tables.jobs import AtlasRow, AuditRow, JobRow
+from service.storage.tables.jobs import AuditRow, JobRow, ResultRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
 
@@ -45,7 +45,7 @@ def delete_job(database: Database, job_id: str) -> None:
         _require_end("job", row.id, JobState(row.state))
         if own := session.scalar(select(SolutionRow.id).where(SolutionRow.job_id == row.id)):
             raise InUseError(f"job {row.id}", [f"/v1/solutions/{own}"], 1)
-        size, key_id = _bytes_of(session, AtlasRow.data, AtlasRow.job_id == row.id), row.key_id
+        size, key_id = _bytes_of(session, ResultRow.data, ResultRow.job_id == row.id), row.key_id
         session.execute(delete(JobRow).where(JobRow.id == row.id))
         charge(session.connection(), key_id, -size)
 

@@ -1,4 +1,4 @@
-"""The tables of jobs, their attempts, and what jobs make beside solutions: audits and atlases."""
+"""The tables of jobs, their attempts, and what jobs make beside solutions: audits and documents."""
 
 from sqlalchemy import JSON, CheckConstraint, ForeignKey, Index, SmallInteger, String, Uuid, desc, false, text
 from sqlalchemy.orm import Mapped, mapped_column
@@ -117,8 +117,8 @@ class AttemptRow(Base):
     detail: Mapped[str | None] = mapped_column(String(512))
 
 
-class AtlasRow(Base):
-    """An atlas; it has the id of its job, and goes with it."""
+class ResultRow(Base):
+    """An atlas, or the answer of a study; it has the id of its job, and goes with it."""
 
     __tablename__ = "atlases"
 

@@ -1,7 +1,7 @@
 """Lists every table, each after the tables that it refers to."""
 
 from service.storage.tables.base import Base
-from service.storage.tables.jobs import AtlasRow, AttemptRow, AuditRow, JobRow
+from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow, ResultRow
 from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
 from service.storage.tables.operations import (
     ApiKeyRow,
@@ -28,7 +28,7 @@ TABLES: tuple[type[Base], ...] = (
     JobRow,
     AttemptRow,
     AuditRow,
-    AtlasRow,
+    ResultRow,
     JobLabelRow,
     SolutionLabelRow,
     SweepLabelRow,

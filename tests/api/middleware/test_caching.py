@@ -18,7 +18,7 @@ from service.jobs.keys import Role
 from service.schemas.reading.annotation import Annotation
 from service.storage.database.database import Database
 from service.storage.keys.key_store import KeyStore
-from service.storage.solutions.atlas_store import AtlasStore
+from service.storage.solutions.result_store import ResultStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.deleting import delete_solution
 from service.storage.sweeps.sweep_store import SweepStore
@@ -135,7 +135,7 @@ def shut(monkeypatch):
     for store, names in (
         (SolutionStore, (*ARRAYS, "get")),
         (SweepStore, ("get", "chunks", "data")),
-        (AtlasStore, ("get",)),
+        (ResultStore, ("get",)),
     ):
         for name in names:
             monkeypatch.setattr(store, name, None)

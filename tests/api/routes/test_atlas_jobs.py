@@ -12,7 +12,7 @@ from service.sandbox import SandboxTimeoutError
 from service.settings import Settings
 from service.storage.inspection.inspect import inspect
 from service.storage.keys.key_store import KeyStore
-from service.storage.tables.jobs import AtlasRow
+from service.storage.tables.jobs import ResultRow
 from service.verdicts.atlases import examine_atlas
 from tests.support.api import TestClient
 from tests.support.keys import make
@@ -173,7 +173,7 @@ def test_it_is_a_job_that_lives_as_others(client, jobs, database):
     in_order(database)
     assert client.delete(f"/v1/jobs/{its_id}").status_code == 204
     with database.read() as session:
-        assert session.scalars(select(AtlasRow.job_id)).all() == []
+        assert session.scalars(select(ResultRow.job_id)).all() == []
     in_order(database)
 
 

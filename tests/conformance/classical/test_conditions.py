@@ -178,7 +178,6 @@ def test_a_centre_elsewhere_is_refused(name: str, potential: dict[str, object]):
     ({"motion": {"type": "classical", "case": "hess", "omega": [1, 1, None], "gamma": [1, 0, "1/10"]}},
      "/motion/gamma", "not_unit_gamma"),
     ({"potential": {"type": "expression", "expression": "g1"}}, "/potential/type", "case_needs_gravity"),
-    ({"outputs": ["stability"]}, "/outputs/0", "output_needs_planar_motion"),
     ({"method": "integration", "time": {"periods": 1, "samples": 2}}, "/time/periods", "period_needed"),
 ])  # fmt: skip
 def test_what_a_classical_motion_does_not_take_is_refused(changes, pointer: str, code: str):

@@ -21,6 +21,7 @@ from tests.conformance.classical.specimens import (
     placed,
     random_documents,
 )
+from tests.support.effort import each_once, one_in
 from workers.computation.compute import solve, solve_document
 from workers.solvers.integration.solve import integrate_state
 
@@ -93,7 +94,7 @@ CHOICES = [
 ]
 
 
-@pytest.mark.parametrize(("name", "field"), CHOICES)
+@pytest.mark.parametrize(("name", "field"), one_in(2, CHOICES))
 def test_phase_direction_and_sign_give_other_motions_of_the_case(name: str, field: str):
     statement = example(name)
     moved = {**statement, "motion": {**statement["motion"], "phase": "1/5"}}
@@ -113,8 +114,10 @@ def test_backwards_in_time_is_the_motion_reversed():
     np.testing.assert_allclose(there.samples * ([-1] * 3 + [1] * 3), here.samples, atol=1e-13)
 
 
-@pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)])
-@pytest.mark.parametrize("name", [name for name in LOOPS if name != "bobylev_steklov"])
+@each_once(
+    name=[name for name in LOOPS if name != "bobylev_steklov"],
+    axes=[(0, 1, 2), (1, 2, 0), (2, 0, 1), (0, 2, 1), (2, 1, 0), (1, 0, 2)],
+)
 def test_any_order_and_sign_of_the_axes_is_accepted(name: str, axes: tuple[int, int, int]):
     statement = example(name)
     problem = read_problem(statement)

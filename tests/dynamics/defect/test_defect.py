@@ -17,6 +17,7 @@ from service.dynamics.motion import COLUMNS, Estimate
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.solution.dense_output import DenseOutput, chebyshev_coefficients, chebyshev_points
 from tests.support import planar as support
+from tests.support.effort import each_once
 from tests.support.planar import body, planar
 from tests.support.solving import solve_planar
 
@@ -99,9 +100,7 @@ def test_a_solution_of_the_very_equations_keeps_its_claim(motion):
     assert found.drift < 1e-14
 
 
-@pytest.mark.parametrize("degree", [20, 40])
-@pytest.mark.parametrize("size", [1e-6, 1e-9, 1e-12])
-@pytest.mark.parametrize("column", range(6))
+@each_once(column=list(range(6)), size=[1e-6, 1e-9, 1e-12], degree=[20, 40])
 def test_an_error_planted_in_one_piece_is_in_the_claim(motion, degree, size, column):
     """T_20 vanishes at none of the nodes of degree 20, T_40 − 1 at all of them."""
     coefficients = motion.dense.coefficients

@@ -1,9 +1,12 @@
 """Searches of integrals and potentials: what is known comes out, nothing is missed, all of it is proved."""
 
 from fractions import Fraction
+from itertools import product
 
 import pytest
-from flint import Ordering, fmpz_mpoly_ctx
+from flint import Ordering, fmpz_mat, fmpz_mpoly_ctx
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from service.dynamics.body import RigidBody
 from service.dynamics.discovery.integral_search import NormalForms, search_integrals
@@ -16,6 +19,7 @@ from service.dynamics.errors import EqualMomentsError
 from service.dynamics.inverse.projection import admissible_space
 from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.verdict.verdict import decide
+from tests.support.effort import examples
 
 
 def body(A, B, C):
@@ -185,6 +189,26 @@ def test_no_value_at_which_the_rank_drops_is_missed():
     assert {("x",), ("y - 2",), ("x^2 - z",)} <= found
     assert len(kernel(rows, 2, letters)) == 0
     assert len(kernel([{0: x, 1: y}], 2, letters)) == 1
+
+
+COEFFICIENTS = st.integers(-2, 2)
+
+
+@given(st.lists(st.lists(st.tuples(*[COEFFICIENTS] * 3), min_size=3, max_size=3), min_size=3, max_size=3))
+@settings(max_examples=examples(25, 500), deadline=None)
+def test_every_point_at_which_a_rank_drops_is_on_a_stratum(entries):
+    # Linear forms x, y, 1 in 3 rows and columns; the rank by flint at all points of a grid.
+    ring = fmpz_mpoly_ctx.get(["x", "y"], Ordering.lex)
+    x, y = ring.gens()
+    letters = Letters(ring, frozenset())
+    matrix = [[a * x + b * y + c for a, b, c in row] for row in entries]
+    rows = [{k: entry for k, entry in enumerate(row) if entry} for row in matrix]
+    strata = [each.equations() for each in special_strata(rows, letters)]
+    usual = 3 - len(kernel(rows, 3, letters))
+    for place in product(range(-3, 4), repeat=2):
+        rank = fmpz_mat([[entry(*place) for entry in row] for row in matrix]).rank()
+        assert rank <= usual
+        assert rank == usual or any(all(each(*place) == 0 for each in found) for found in strata)
 
 
 def test_a_positive_letter_is_never_replaced_by_what_is_not():

@@ -7,12 +7,12 @@ equator, an edge of panels, and so flat that it is looked for in balls, from bot
 
 from fractions import Fraction
 
-import pytest
 from flint import arb, ctx
 
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
+from tests.support.effort import each_once
 from tests.support.planar import body, formula
 
 DOUBLE = body(2, 1)
@@ -20,9 +20,11 @@ CLOSE = 2.0**-100
 """The reduction works in 160 bits; next to a critical value of 1e-24 a root has some 120 of them."""
 
 
-@pytest.mark.parametrize("half_width", ["1/100", "1e-3", "2e-4", "1e-5", "1e-7", "1e-12"])
-@pytest.mark.parametrize("size", ["1e-3", "3e-4", "9e-5", "1e-5", "1e-8"])
-@pytest.mark.parametrize("sign", [1, -1])
+@each_once(
+    sign=[1, -1],
+    size=["1e-3", "3e-4", "9e-5", "1e-5", "1e-8"],
+    half_width=["1/100", "1e-3", "2e-4", "1e-5", "1e-7", "1e-12"],
+)
 def test_one_window_stays_one(half_width, size, sign):
     epsilon, delta = Fraction(half_width), sign * Fraction(size)
     potential = formula("(2*g1^2 + g3^2)*((g2 - d)^2 - e^2)", DOUBLE, {"d": delta, "e": epsilon})

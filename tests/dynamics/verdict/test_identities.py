@@ -12,6 +12,7 @@ from service.dynamics.verdict.proofs.proof import prove
 from service.dynamics.verdict.sphere.points import fine_sphere_points
 from tests.dynamics.verdict.formulas import body, potential
 from tests.dynamics.verdict.identities import FALSE, NUMBERS, POWERS_AND_EXPONENTIALS, ROOTS, TRIGONOMETRIC
+from tests.support.effort import one_in
 
 TRUE = [*TRIGONOMETRIC, *NUMBERS, *ROOTS, *POWERS_AND_EXPONENTIALS]
 BALLS = BallAlgebra()
@@ -46,7 +47,7 @@ def test_what_holds_nearly_or_on_a_part_of_the_sphere_is_not_proved(left, right)
     assert not is_proved(left, right)
 
 
-@pytest.mark.parametrize(("left", "right"), TRUE)
+@pytest.mark.parametrize(("left", "right"), one_in(4, TRUE))
 @pytest.mark.parametrize("change", ["*(1 + 1e-40)", "+ 1e-40*g2", "+ 1e-40*sqrt(2)*sin(g1)"])
 def test_identities_that_are_missed_by_little_are_not_proved(left, right, change):
     assert not is_proved(left, f"({right}){change}")

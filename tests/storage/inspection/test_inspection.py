@@ -8,7 +8,7 @@ from sqlalchemy import text
 from sqlalchemy.orm import Session
 
 from service.jobs.keys import Role
-from service.jobs.records import AtlasResult, JobState, Solved
+from service.jobs.records import JobKind, JobResult, JobState, Solved
 from service.schemas.reading.annotation import Annotation
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import Database
@@ -16,8 +16,8 @@ from service.storage.database.sqlite_file import file_of
 from service.storage.inspection.inspect import inspect, invariants, repair
 from service.storage.jobs.job_store import SqlJobStore
 from service.storage.keys.key_store import KeyStore
-from service.storage.solutions.atlas_store import AtlasStore
 from service.storage.solutions.audit_store import AuditStore
+from service.storage.solutions.result_store import ResultStore
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY, copy_of
 from tests.support.finishing import finish_success
@@ -61,8 +61,8 @@ def live(database):
     assert audited.reused
     AuditStore(database).submit(audited.solution_id, PROBLEM, "audited", key_id=key.id)
     assert jobs.finish(claim(jobs), Solved(SUMMARY, b"dense", b"samples", {"verdict": "agrees"}))[0]
-    AtlasStore(database).submit({"lambda": [1, 2]}, "drawn", key_id=key.id)
-    assert jobs.finish(claim(jobs), AtlasResult(encode_document({"parts": []})))[0]
+    ResultStore(database).submit(JobKind.ATLAS, {"lambda": [1, 2]}, "drawn", key_id=key.id)
+    assert jobs.finish(claim(jobs), JobResult(encode_document({"parts": []})))[0]
     jobs.submit(PROBLEM, "refused")
     jobs.finish_failure(claim(jobs), {"code": "no_motion", "detail": "none"})
     jobs.submit(PROBLEM, "lost")

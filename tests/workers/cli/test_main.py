@@ -18,7 +18,7 @@ from workers.cli.main import main
 @pytest.mark.parametrize("arguments", [[], ["walk"], ["--help"]])
 def test_wrong_usage_ends_with_2_and_tells_the_commands(arguments, capsys):
     assert main(arguments) == 2
-    assert "run, children, solve, atlas, sweep, compile, calibrate, doctor" in capsys.readouterr().err
+    assert "run, children, solve, atlas, study, sweep, compile, calibrate, doctor" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("slots", ["0", "many"])

@@ -10,6 +10,7 @@ from flint import arb, ctx
 from service.dynamics.formula.algebras.ball import ball
 from service.jobs.records import Refused, Solved
 from service.schemas.problem.problem import read_problem
+from service.storage.codecs.packing import decode_arrays
 from tests.conformance.classical.specimens import example
 from workers.computation.compute import certified_samples, solve_checked
 from workers.solvers.certified.validated.enclose import is_narrow
@@ -126,3 +127,76 @@ def test_what_steps_do_not_prove_is_refused_with_the_reason(sections, pointer, r
     assert error["code"] == "certified_unavailable"
     assert error["pointer"].startswith(pointer)
     assert reason in error["detail"]
+
+
+def test_the_three_integrals_of_a_quick_state_are_enclosed_in_its_own_units():
+    """ω of 1e4 is solved in other units; the areas integral is 2·1e4·3/5 + 4/5."""
+    state = {"type": "state", "omega": [10**4, 0, 1], "gamma": ["3/5", 0, "4/5"]}
+    found = solved(motion=state, time={"stop": "1/1000", "samples": 2}).summary["invariants"]
+    V = -Fraction(3, 5)
+    exact = {
+        "energy": Fraction(2 * 10**8 + 1, 2) + V,
+        "geometric": Fraction(1),
+        "areas": Fraction(120008, 10),
+    }
+    for name, value in exact.items():
+        number = found[name]["value"]
+        # 88 bits of numbers up to 1e8.
+        assert abs(Fraction(number["value"]) - value) <= Fraction(number["radius"]) < 1e-17
+
+
+def test_the_attitude_is_proven_beside_the_variables():
+    """The third row of the rotation is γ, the quaternion's length 1, and ψ1 the azimuth of the first axis."""
+    _, proven, _ = certified_samples(read_problem(document(outputs=["orientation"])))
+    assert proven.columns[-2:] == ("psi1", "psi3")
+    for state in proven.states:
+        with ctx.workprec(128):
+            _require_attitude(*state)
+
+
+def _require_attitude(*state):
+    *six, a, b, c, d, psi1, psi3 = state
+    g1, g2, g3 = six[3:]
+    third = 2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d
+    assert all(x.overlaps(y) and x.rad() < 2.0**-56 for x, y in zip(third, (g1, g2, g3), strict=True))
+    assert (a * a + b * b + c * c + d * d).overlaps(arb(1))
+    # The first axis of the body in space: (R11, R21); its azimuth turns from 0.
+    first = a * a + b * b - c * c - d * d, 2 * (b * c + a * d)
+    assert (first[0] * psi1.sin() - first[1] * psi1.cos()).contains(0)
+    assert psi3.rad() < 2.0**-50
+
+
+def test_a_steady_spin_has_the_azimuth_of_its_time():
+    """About the vertical first axis ψ3 = 2t, and ψ1 has no meaning."""
+    state = {"type": "state", "omega": [2, 0, 0], "gamma": [1, 0, 0]}
+    V = {"type": "expression", "expression": "-g1"}
+    outcome = solved(motion=state, potential=V, outputs=["orientation"])
+    assert [each["code"] for each in outcome.summary["warnings"]] == ["azimuth_undefined"]
+    columns = decode_arrays(outcome.samples)
+    assert "psi1" not in columns
+    assert np.abs(columns["psi3"] - 2.0 * columns["t"]).max() == 0.0
+    assert columns["psi3.radius"].max() < 1e-15
+
+
+def test_the_limit_of_a_job_ends_steps_with_the_time_until_which_they_hold(monkeypatch):
+    monkeypatch.setenv("POLHODE_JOB_SECONDS", "0.5")
+    error = refused(time={"stop": 10**6, "samples": 2}).error
+    assert error["pointer"].startswith("/time")
+    assert "POLHODE_JOB_SECONDS" in error["detail"]
+    assert "proven until t = " in error["detail"]
+
+
+@pytest.mark.long
+def test_a_chaotic_body_is_enclosed_to_t_50():
+    """Neighbours part exponentially: what 64 bits say at the end, twice as many say too."""
+    sections = {
+        "body": {"A": 2, "B": 1, "C": "3/2"},
+        "potential": {"type": "expression", "expression": "-4*g1 - 6*g2 + 2*g3 + 8*g1*g2 - 6*g3^2"},
+        "motion": {"type": "state", "omega": [1, "3/2", "1/2"], "gamma": ["3/5", 0, "4/5"]},
+        "time": {"stop": 50, "samples": 2},
+    }
+    accuracies = ({"tier": "certified", "bits": bits} for bits in (64, 128))
+    problems = (read_problem(document(**sections, accuracy=each)) for each in accuracies)
+    few, many = (certified_samples(each)[1] for each in problems)
+    assert all(is_narrow(value, 64) for state in few.states for value in state)
+    assert all(x.contains(arb(y.mid())) for x, y in zip(few.states[-1], many.states[-1], strict=True))

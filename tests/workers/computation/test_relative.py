@@ -16,7 +16,7 @@ from service.dynamics.problem import Accuracy
 from service.jobs.records import Refused, Solved
 from service.schemas.problem.problem import check_problem, problem_digest, read_problem
 from service.storage.codecs.packing import SOLVED, decode_arrays, decode_dense, decode_points
-from tests.support.effort import seldom
+from tests.support.effort import each_once, seldom
 from tests.support.golden import GOLDEN
 from workers.computation import compute, outputs
 from workers.computation.compute import solve, solve_document
@@ -106,8 +106,9 @@ def test_certified_digits_of_quick_motions_have_the_radii_that_are_promised():
     assert decode_dense(outcome.dense).errors["p"] <= 1e-13 * f
 
 
-@pytest.mark.parametrize(("squared", "f"), [(10**30, Fraction(10**15)), (1, Fraction(1))])
-@pytest.mark.parametrize("relative", ["1e-6", "1e-10", "1e-13", "1e-15"])
+@each_once(
+    relative=["1e-6", "1e-10", "1e-13", "1e-15"], squared__f=[(10**30, Fraction(10**15)), (1, Fraction(1))]
+)
 def test_a_relative_tolerance_is_of_the_size_of_the_group(squared, f, relative):
     outcome = solve_document(json.dumps(quicker(GRAVITY, squared=squared, accuracy={"relative": relative})))
     require_claims(outcome, GRAVITY, f, lambda size: float(relative) * size)

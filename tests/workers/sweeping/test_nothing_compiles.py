@@ -12,6 +12,7 @@ from service.sandbox import Sandbox
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.reading import read_sweep
 from tests.conformance.specimens import CATALOGUE
+from tests.support.effort import one_in
 from tests.workers.sweeping.test_sweeping import IN_BLOCKS, IN_MOVING
 from workers.computation.compiled_code import keep_compiled_code
 from workers.computation.compute import solve_document
@@ -80,7 +81,7 @@ def test_sweeps_in_blocks_of_numbers_bodies_and_states(child, tier):
         assert child.run(compute_chunk, json.dumps(asked), seconds=None).refused == refused
 
 
-@pytest.mark.parametrize("name", [*IN_BLOCKS, *IN_MOVING])
+@pytest.mark.parametrize("name", one_in(3, [*IN_BLOCKS, *IN_MOVING]))
 def test_all_kinds_of_sweeps_in_blocks(child, name):
     document = {**IN_BLOCKS, **IN_MOVING}[name]
     count = min(64, read_sweep(document).points)

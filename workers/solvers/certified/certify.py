@@ -1,7 +1,7 @@
 """Solves a periodic planar motion with a proof of every digit."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
 from math import floor
@@ -12,7 +12,7 @@ from flint import arb, ctx
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import largest
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.motion import EnclosureMethod
+from service.dynamics.motion import COLUMNS, EnclosureMethod
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, StateMotion
@@ -48,6 +48,12 @@ class Certified:
     method: EnclosureMethod
     conventions: tuple[str, ...] = ()
     """Choices made where the equations leave one, as of :class:`~service.dynamics.motion.Motion`."""
+    areas: arb = field(default_factory=arb)
+    """The areas integral, 0 of planar motions."""
+    geometric: arb = field(default_factory=partial(arb, 1))
+    """γ·γ, 1 of planar motions."""
+    columns: tuple[str, ...] = COLUMNS
+    """The names of what ``states`` have: after the six variables those of the attitude, if it is proven."""
 
 
 class _Motion(Protocol):

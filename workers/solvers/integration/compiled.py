@@ -154,6 +154,7 @@ class CompiledIntegrator:
             0.0,
             _NO_REFERENCE,
             0.0,
+            0.0,
         )
         return bool(is_kept)
 

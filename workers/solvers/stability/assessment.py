@@ -302,7 +302,9 @@ class Stability:
     exponent_error: float
     trusted_time: float | None
     """How long an integration in doubles keeps the transverse error below the tolerance, see
-    :mod:`.trusted`; None if for a million periods."""
+    :func:`trusted_time`; None if for a million periods."""
+    enclosed: arb | None = None
+    """The trace, if it is proven."""
 
 
 def assess_stability(
@@ -327,7 +329,12 @@ def assess_stability(
 
 def assess(monodromy: Monodromy, speed: float, period: Period, tolerance: float) -> Stability:
     """Assess the motion with this monodromy, ``speed`` being about its largest |(p, r)|."""
-    trace, error = monodromy.trace, monodromy.error
+    horizon = trusted_time(monodromy, speed, period, tolerance)
+    return of_trace(monodromy.trace, monodromy.error, period, horizon)
+
+
+def of_trace(trace: float, error: float, period: Period, horizon: float | None) -> Stability:
+    """Return what a trace with this error tells, beside the trusted time ``horizon``."""
     low, here, high = (_exponent(trace_size, period) for trace_size in _sizes(trace, error))
     return Stability(
         trace=trace,
@@ -338,7 +345,7 @@ def assess(monodromy: Monodromy, speed: float, period: Period, tolerance: float)
         proof="estimate",
         exponent=here,
         exponent_error=high - low + 4.0 * EPSILON * here + here * period.error / period.hi,
-        trusted_time=trusted_time(monodromy, speed, period, tolerance),
+        trusted_time=horizon,
     )
 
 

@@ -13,6 +13,7 @@ from service.api.queries.queries import without_query
 from service.api.replies.errors import ApiError
 from service.api.replies.responses import SolutionId, json_response, refusals
 from service.api.tagged import validator_headers
+from service.dynamics.equations.orientation import PRECESSION, QUATERNION
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, as_decimals, join
 from service.schemas.problem.trusted import ONE_AT_A_TIME
@@ -32,10 +33,13 @@ router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 )
 @heavy
 def get_enclosures(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
-    """Return the six variables at the exact times that were asked, as decimals with proven radii."""
+    """Return the six variables at the exact times that were asked, as decimals with proven radii.
+
+    With the output ``orientation`` of a motion that was proven by steps also the quaternion and the azimuths.
+    """
     headers = validator_headers(request, inside)
     stored = decode_arrays(inside.solutions.samples(solution_id))
-    names = [name for name in COLUMNS if f"{name}.{RADIUS}" in stored]
+    names = [name for name in (*COLUMNS, *QUATERNION, *PRECESSION) if f"{name}.{RADIUS}" in stored]
     if not names:
         raise ApiError(
             HTTPStatus.NOT_FOUND, "no_enclosures", "only solutions of the tier certified have enclosures"

@@ -10,6 +10,7 @@ from service.dynamics.potentials.angular_part.balls import angular_balls
 from service.dynamics.potentials.angular_part.curve_function import CurveFunction
 from service.dynamics.potentials.angular_part.powers import powers_of
 from tests.dynamics.potentials.angular_part.test_doubles import curve_function
+from tests.support.effort import each_once
 
 BODIES = [("2", "1"), ("7/3", "1"), ("3", "5"), ("101/100", "1"), ("31/3", "1")]
 SUMS = {
@@ -25,9 +26,7 @@ def exact(text: str) -> arb:
     return arb(value.numerator) / value.denominator
 
 
-@pytest.mark.parametrize(("A", "C"), BODIES)
-@pytest.mark.parametrize("text", SUMS)
-@pytest.mark.parametrize(("g1", "g3"), [("0.4", "0.7"), ("0.001", "0.5"), ("0.9", "0.01")])
+@each_once(g1__g3=[("0.4", "0.7"), ("0.001", "0.5"), ("0.9", "0.01")], text=list(SUMS), A__C=list(BODIES))
 def test_it_is_the_integral(A, C, text, g1, g3):
     body = RigidBody(Fraction(A), None, Fraction(C), allow_unphysical=True)
     function = curve_function(text)

@@ -22,6 +22,7 @@ from service.dynamics.potentials.families.rational import (
 )
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.terms.powers import MAX_TERMS, TooManyTermsError, monomial_sum
+from tests.support.effort import each_once
 
 BODY = RigidBody(Fraction(2), None, Fraction(1))
 NUMBERS = range(1, MAX_TERMS + 1)
@@ -91,9 +92,7 @@ def test_series_are_the_hypergeometric_ones(n: int) -> None:
         assert sympy.expand(built - expected) == 0
 
 
-@pytest.mark.parametrize("n", NUMBERS)
-@pytest.mark.parametrize("g1", ["0.3", "-0.6"])
-@pytest.mark.parametrize("bits", [128, 200])
+@each_once(bits=[128, 200], g1=["0.3", "-0.6"], n=list(NUMBERS))
 def test_H_is_a_power_of_nu(n: int, g1: str, bits: int) -> None:
     with ctx.workprec(bits):
         x, y, z = arb(g1), arb("0.5"), arb("0.7")

@@ -3,9 +3,10 @@
 import pytest
 
 from tests.support.databases import copy_of
+from tests.support.effort import seldom
 from tests.workers.process.engines.installation import installed
 
-ENGINES = ["local on sqlite", "local on postgres", "postgres on postgres"]
+ENGINES = ["local on sqlite", *seldom("local on postgres"), "postgres on postgres"]
 
 
 @pytest.fixture(scope="module", params=ENGINES)

@@ -8,6 +8,7 @@ from flint import acb, arb, ctx
 
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
+from tests.support.effort import each_once
 from tests.support.planar import body, formula
 from workers.solvers.certified.by_integral import IntegralMotion, integral_motion, periodic_window
 from workers.solvers.certified.way import way_of
@@ -23,9 +24,11 @@ def passage(A: str, text: str, pole: int, way: int, unit: int) -> Passage:
     return Passage(ComplexLoop(loop, potential.tape, arb(1), side, unit), pole, way)
 
 
-@pytest.mark.parametrize(("A", "unit"), [("7/5", 5), ("3", 1), ("101/100", 100), ("17/4", 12)])
-@pytest.mark.parametrize(("pole", "way"), [(0, 1), (0, -1), (1, 1), (1, -1), (-1, 1)])
-@pytest.mark.parametrize("phi", ["0.2", "1.1", "1.5"])
+@each_once(
+    phi=["0.2", "1.1", "1.5"],
+    pole__way=[(0, 1), (0, -1), (1, 1), (1, -1), (-1, 1)],
+    A__unit=[("7/5", 5), ("3", 1), ("101/100", 100), ("17/4", 12)],
+)
 def test_the_place_is_that_of_the_angle(A, unit, pole, way, phi):
     with ctx.workprec(256):
         one, step = passage(A, "-g1", pole, way, unit), arb(2) ** -80

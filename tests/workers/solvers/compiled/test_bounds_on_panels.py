@@ -8,6 +8,7 @@ import pytest
 
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.problem import PlanarMotion
+from tests.support.effort import each_once
 from tests.support.planar import body, formula
 from workers.solvers.compiled.discs.on_loop import derivatives_on_discs, put_disc, put_pole
 from workers.solvers.compiled.evaluation.program import make_program
@@ -136,9 +137,7 @@ def scanned(rigid_body, text, log_lambda=0.0):
     return count, ends, height
 
 
-@pytest.mark.parametrize("sign", ["", "-"])
-@pytest.mark.parametrize("place", ["3/10", "-717/1000", "1/3", "9/10"])
-@pytest.mark.parametrize("width", range(1, 9))
+@each_once(width=list(range(1, 9)), place=["3/10", "-717/1000", "1/3", "9/10"], sign=["", "-"])
 def test_what_is_narrow_is_found_or_left_open(width, place, sign):
     """A bump of (2 g1² + g3²) F(g2) adds a multiple of F to P: -g1 alone has P > 0 on the whole loop."""
     bump = f"(2*g1^2+g3^2)*50*exp(-10^{2 * width}*(g2-({place}))^2)"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
+from tests.support.effort import each_once
 from tests.support.planar import body, formula
 from workers.solvers import compiled
 from workers.solvers.compiled.doubled.arithmetic import run_doubled
@@ -98,8 +99,7 @@ def test_every_arithmetic_keeps_its_bounds(text):
     assert (distances(potential, g, centres) <= radii).all()
 
 
-@pytest.mark.parametrize("arithmetic", RUNS)
-@pytest.mark.parametrize("text", FORMULAS)
+@each_once(text=list(FORMULAS), arithmetic=list(RUNS))
 def test_no_digit_depends_on_the_points_that_are_gone_through_with_it(arithmetic, text):
     potential, g = formula(text, BODY), points(11)
     together = registers_of(arithmetic, potential, g)

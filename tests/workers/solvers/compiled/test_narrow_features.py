@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from service.dynamics.problem import PlanarMotion
+from tests.support.effort import each_once
 from tests.support.planar import body, formula
 from workers.solvers.compiled.evaluation.curve import place, radicands
 from workers.solvers.compiled.evaluation.program import make_program
@@ -47,9 +48,7 @@ def period(factor, width, centre=0.3):
     return 2.0 * float(np.sum(half * w * Z / (c * np.sqrt(P)))) if P.min() > 0.0 else None
 
 
-@pytest.mark.parametrize("factor", ["1/100", "-1/100", "-2", "1/100000"])
-@pytest.mark.parametrize("width", range(1, 9))
-@pytest.mark.parametrize("tier", ["draft", "standard"])
+@each_once(tier=["draft", "standard"], width=list(range(1, 9)), factor=["1/100", "-1/100", "-2", "1/100000"])
 def test_a_period_with_a_bump_is_right_or_left_open(tier, width, factor):
     found = solve_spectral(DOUBLE, formula(bumped(factor, width), DOUBLE), ONE, tier=tier)
     if found is not None:
@@ -62,8 +61,7 @@ def test_the_reference_sees_the_bump():
     assert period(2.0, 3) is None
 
 
-@pytest.mark.parametrize("width", range(1, 9))
-@pytest.mark.parametrize("tier", ["draft", "standard", "high"])
+@each_once(tier=["draft", "standard", "high"], width=list(range(1, 9)))
 def test_a_wall_is_not_walked_through(tier, width):
     found = solve_spectral(DOUBLE, formula(bumped("2", width), DOUBLE), ONE, tier=tier)
     assert found is None or "rest" in found.ends

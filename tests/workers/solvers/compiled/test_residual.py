@@ -17,6 +17,7 @@ from service.dynamics.solution.dense_output import DenseOutput
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
 from workers.solvers import evidence
+from workers.solvers.choose import find_motion
 from workers.solvers.compiled import records
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.evaluation.program import make_program
@@ -150,6 +151,23 @@ def test_a_planted_error_is_never_kept(motion, size):
     assert kept(motion, dense=replace(motion.dense, coefficients=coefficients), claim=10.0 * size) is not None
 
 
+def test_next_to_a_pole_where_forces_have_no_bound_all_but_a_trillionth_of_the_time_is_settled():
+    """V = −|g1|^(1/3) at A/C = 6/5: arrays took half of the time of such a motion to say the same."""
+    moments, text = body("6/5", 1), "-abs(g1)^(1/3)"
+    # Its function of time, which samples do not come from.
+    passing = find_motion(planar(moments, text, PlanarMotion(1)))
+    potential = formula(text, moments)
+    assert "pole" in passing.window.ends
+    found = kept_claim(moments, potential, passing.dense, passing.dense.error, passing.energy)
+    assert found.settled == 1.0 - 1e-12
+    arrays = check_residual(
+        moments, potential, passing.dense, passing.dense.error, passing.energy, is_planar=True
+    )
+    assert arrays.error == passing.dense.error
+    # What the claim next to the pole does not hide elsewhere is left to the arrays.
+    assert kept_claim(moments, potential, passing.dense, 1e-3 * found.defect, passing.energy) is None
+
+
 @pytest.mark.parametrize("steepness", ["10^2", "10^6", "10^16"])
 def test_a_wall_between_the_nodes_is_left_to_the_arrays(motion, steepness):
     assert kept(motion, f"-g1 + (2*g1^2+g3^2)*2*exp(-{steepness}*(g2-3/10)^2)") is None
@@ -192,7 +210,7 @@ def test_the_defect_of_any_polynomials_bounds_what_is_integrated(lengths, seed):
     dense = DenseOutput((), np.cumsum([0.0, *lengths]), coefficients, None, 1.0)
     # Everything explains integrals within such a claim.
     _, defect, _ = hold(
-        compiled, dense.breaks, in_lanes(coefficients), 21, 1e-6, np.inf, True, 1e3, np.zeros(3), 1e3
+        compiled, dense.breaks, in_lanes(coefficients), 21, 1e-6, np.inf, True, 1e3, np.zeros(3), 1e3, 0.0
     )
     blocks = list(Blocks(dense, equations.at, equations.bound).cut(1e-6))
     found = accumulate(dense, blocks, has_bounds=True)

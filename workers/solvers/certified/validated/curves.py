@@ -117,8 +117,12 @@ class StepCurves:
         return curve.truncate(self._degree + 1) + arb(0, rest)
 
     def _guess(self, function: Callable[[arb_series], arb_series], curve: Curve) -> Curve:
-        ctx.cap = self._degree + 1
-        return middles(function(arb_series(curve, self._degree + 1)))
+        cap = ctx.cap
+        try:
+            ctx.cap = self._degree + 1
+            return middles(function(arb_series(curve, self._degree + 1)))
+        finally:
+            ctx.cap = cap
 
     def _inverse(self, curve: Curve) -> Curve:
         """Return 1/curve: W/(1 − e) with the guess W and e = 1 − W·curve."""

@@ -156,6 +156,7 @@ def enclose(
     bits: int,
     *,
     watch: Watch | None = None,
+    shorter: int = 1,
 ) -> Enclosure:
     """Return enclosures of the motion of a system from ``start`` at t = 0, at exact ``times`` of any signs.
 
@@ -165,6 +166,9 @@ def enclose(
         Balls that contain the exact state; asked again for each precision.
     bits
         Radii are at most 2^(8 − bits), of numbers above 1 relative to them.
+    shorter
+        So many times shorter steps than the motion needs, for its derivative by the state at t = 0: that is a
+        polynomial of low degree.
 
     Raises
     ------
@@ -181,8 +185,10 @@ def enclose(
             raise CertifiedUnavailableError(f"{HIGHEST_PRECISION} bits are not enough{_until(reached)}")
         with ctx.workprec(precision):
             try:
-                forward = _trajectory(recorded, start, latest, bits, watch) if latest >= 0 else None
-                backward = _trajectory(recorded, start, earliest, bits, watch) if earliest < 0 else None
+                forward = _trajectory(recorded, start, latest, bits, watch, shorter) if latest >= 0 else None
+                backward = (
+                    _trajectory(recorded, start, earliest, bits, watch, shorter) if earliest < 0 else None
+                )
                 states = []
                 for t in times:
                     trajectory = forward if t >= 0 else backward
@@ -211,7 +217,7 @@ def _until(t: Fraction) -> str:
 
 
 def _trajectory(
-    system: Recorded, start: Start, end: Fraction, bits: int, watch: Watch | None
+    system: Recorded, start: Start, end: Fraction, bits: int, watch: Watch | None, shorter: int
 ) -> ProvenTrajectory:
     count, order = system.dimension, max(LEAST_ORDER, round(ORDER_PER_BIT * ctx.prec))
     # A sum is rounded to the precision in force, whatever that of the start is.
@@ -232,10 +238,13 @@ def _trajectory(
     widest = [max(1.0, abs(float(value))) for value in here.middle]
     allowed = float(2.0 ** (ALLOWED_BITS - bits + ctx.prec))
     while not stretches or abs(t) < abs(end):
-        step = _step(system, here, t, end, order)
+        step = _step(system, here, t, end, order, shorter)
         stretches.append(ProvenStretch(step, here))
-        here = _carried(step, here)
         t += step.length
+        try:
+            here = _carried(step, here)
+        except StepTooLongError:
+            raise _TooWideError(t) from None
         if watch is not None:
             watch(t)
         widest = [max(size, abs(float(value))) for size, value in zip(widest, here.middle, strict=True)]
@@ -245,14 +254,16 @@ def _trajectory(
     return ProvenTrajectory(tuple(stretches), begins, t, ctx.prec)
 
 
-def _step(system: Recorded, here: ProvenSet, t: Fraction, end: Fraction, order: int) -> ProvenStep:
+def _step(
+    system: Recorded, here: ProvenSet, t: Fraction, end: Fraction, order: int, shorter: int
+) -> ProvenStep:
     """Return the longest step whose proof is found by halving, at most to the end."""
     fault = StepTooLongError("steps become shorter and shorter")
     try:
         found = taylor(system, here.middle, order)
         left = abs(end - t)
-        longest = min(found.longest, left) if left else Fraction(1, 2**64)
-        length = longest if longest == left else found.longest
+        longest = found.longest / shorter
+        length = min(longest, left) if left else Fraction(1, 2**64)
         shortest = SHORTEST * abs(end)
         radius = here.radius
         while length > shortest:
@@ -311,5 +322,6 @@ def _frame(sides: FloatArray) -> FloatArray:
 
 def _solved(frame: FloatArray, bound: FloatArray) -> FloatArray:
     """Return a bound of Q⁻¹x, given one of Qᵀx: Q⁻¹ = (QᵀQ)⁻¹Qᵀ, and |QᵀQ − 1| is below 2^−40 in rows."""
-    assert np.abs(frame.T @ frame - np.eye(len(frame))).sum(axis=1).max() < 2.0**-42
+    if not np.abs(frame.T @ frame - np.eye(len(frame))).sum(axis=1).max() < 2.0**-42:
+        raise StepTooLongError("a frame is not orthogonal")
     return np.asarray(UPWARDS * (bound + 2.0**-40 * bound.max(axis=0)))

@@ -6,14 +6,16 @@ the roundings of its coefficients and of its evaluation make together.
 
 from collections.abc import Sequence
 from fractions import Fraction
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import comb
+from typing import NamedTuple
 
 import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.equations.orientation import LOCAL_QUATERNION, VERTICAL_ANGLE
 from service.dynamics.errors import MissingMomentError
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.tape import Tape
@@ -32,14 +34,16 @@ from workers.solvers.certified.validated.enclose import (
     enclose,
 )
 from workers.solvers.certified.validated.step import UPWARDS, upper
-from workers.solvers.certified.validated.system import EulerPoisson
+from workers.solvers.certified.validated.system import EulerPoisson, TurningBody
 
 FloatArray = NDArray[np.float64]
 
 KEPT = 2.0**-56
 """Terms of the function of time that are below this part of the largest one are left out."""
-EVALUATION = 4
-"""Roundings per term of a Chebyshev series that is evaluated by Clenshaw's recurrence, and its time's."""
+AXES = {"psi1": 0, "psi3": 2}
+"""The axis of the body that each azimuth belongs to."""
+EVALUATION = 8
+"""Roundings of the latest time that move a place on a piece: those of the piece's ends, and of the place."""
 
 
 def prove_motion(
@@ -63,15 +67,32 @@ def prove_motion(
     if body.B is None:
         raise MissingMomentError("an integration needs the moment B", pointer="/body/B")
     instants = exact_instants(problem.time) if problem.wants_series else []
-    system = EulerPoisson(body, potential.tape)
     bits = problem.accuracy.bits
-    found = enclose(system, start, instants, bits, watch=watch)
+    columns: tuple[str, ...] = COLUMNS
+    system = EulerPoisson(body, potential.tape)
+    if "orientation" in problem.outputs:
+        columns, found = _turning(system, start, instants, bits, watch)
+    else:
+        found = enclose(system, start, instants, bits, watch=watch)
     with ctx.workprec(found.precision):
-        energy = energy_of(body, potential.tape, start())
-    certified = Certified(None, energy, found.states, tuple(map(ball, instants)), bits, "steps")
-    dense = function_of_time(found)
+        state = start()
+        energy = energy_of(body, potential.tape, state)
+        rates = [ball(moment) * rate for moment, rate in zip((body.A, body.B, body.C), state, strict=False)]
+        areas, geometric = _dot(rates, state[3:6]), _dot(state[3:6], state[3:6])
+    certified = Certified(
+        None,
+        energy,
+        found.states,
+        tuple(map(ball, instants)),
+        bits,
+        "steps",
+        areas=areas,
+        geometric=geometric,
+        columns=columns,
+    )
+    dense = function_of_time(found, columns)
     times = sample_times(problem.time, None)
-    samples = np.array([[float(value) for value in state] for state in found.states])
+    samples = np.array([[float(value) for value in state[: len(COLUMNS)]] for state in found.states])
     motion = Motion(
         method="integration",
         dense=dense,
@@ -93,6 +114,44 @@ def prove_motion(
     return motion, certified
 
 
+def _turning(
+    system: EulerPoisson, start: Start, instants: Sequence[Fraction], bits: int, watch: Watch | None
+) -> tuple[tuple[str, ...], Enclosure]:
+    """Return the motion with its attitude, without the azimuths that axes lose by becoming vertical.
+
+    Raises
+    ------
+    CertifiedUnavailableError
+        As :func:`.enclose`, without any azimuth.
+    """
+    for names in (("psi1", "psi3"), ("psi1",), ("psi3",), ()):
+        axes = tuple(AXES[name] for name in names)
+        try:
+            found = enclose(
+                TurningBody(system, axes), partial(_with_attitude, start, axes), instants, bits, watch=watch
+            )
+        except CertifiedUnavailableError:
+            if not names:
+                raise
+        else:
+            return (*COLUMNS, *LOCAL_QUATERNION, *names), found
+    raise AssertionError
+
+
+def _with_attitude(start: Start, axes: tuple[int, ...]) -> tuple[arb, ...]:
+    """Return the state with the quaternion of :func:`.attitude` in balls, and azimuths of 0."""
+    state = tuple(start())
+    g1, g2, g3 = state[3:6]
+    tilt = (g2 * g2 + g3 * g3).sqrt()
+    if float(tilt) > VERTICAL_ANGLE:
+        turn, other, sign = arb.atan2(g2, g3) / 2, -arb.atan2(g1, tilt) / 2, -1
+    else:
+        side = (g1 * g1 + g3 * g3).sqrt()
+        turn, other, sign = arb.atan2(g2, side) / 2, arb.atan2(-g1, g3) / 2, 1
+    (s1, c1), (s2, c2) = turn.sin_cos(), other.sin_cos()
+    return (*state, c1 * c2, s1 * c2, c1 * s2, sign * s1 * s2, *(arb(0) for _ in axes))
+
+
 def energy_of(body: RigidBody, potential: Tape, state: Sequence[arb]) -> arb:
     """Return the ball of (A p² + B q² + C r²)/2 + V."""
     squares = zip((body.A, body.B or Fraction(0), body.C), state, strict=False)
@@ -100,8 +159,12 @@ def energy_of(body: RigidBody, potential: Tape, state: Sequence[arb]) -> arb:
     return kinetic + potential.evaluate(BallAlgebra(), state[3:6])
 
 
-def function_of_time(found: Enclosure) -> DenseOutput:
-    """Return the first six variables in doubles over all steps, with bounds of their errors."""
+def _dot(left: Sequence[arb], right: Sequence[arb]) -> arb:
+    return sum((x * y for x, y in zip(left, right, strict=True)), arb(0))
+
+
+def function_of_time(found: Enclosure, columns: tuple[str, ...]) -> DenseOutput:
+    """Return the variables, named ``columns``, in doubles over all steps, with bounds of their errors."""
     pieces = [
         (trajectory, stretch)
         for trajectory, order in ((found.backward, -1), (found.forward, 1))
@@ -112,53 +175,61 @@ def function_of_time(found: Enclosure) -> DenseOutput:
     last = pieces[-1][1].step
     edges.append(max(last.begin, last.begin + last.length))
     breaks = np.array([float(edge) for edge in edges])
-    series = [_chebyshev(stretch) for _, stretch in pieces]
-    sizes = np.max([np.abs(each).max(axis=1) for each in series], axis=0)
+    made = [_chebyshev(stretch) for _, stretch in pieces]
+    sizes = np.max([np.abs(each.series).max(axis=1) for each in made], axis=0)
     needed = np.nonzero(sizes > KEPT * sizes.max())[0]
     degree = max(1, int(needed.max()))
     latest = float(np.abs(breaks).max())
     errors = np.max(
         [
             _radius(trajectory, stretch) + _rounding(stretch, each, degree, latest)
-            for (trajectory, stretch), each in zip(pieces, series, strict=True)
+            for (trajectory, stretch), each in zip(pieces, made, strict=True)
         ],
         axis=0,
     )
-    coefficients = np.array([each[: degree + 1] for each in series], dtype=np.float64)
-    by_name = dict(zip(COLUMNS, (UPWARDS * errors).tolist(), strict=True))
-    return DenseOutput(COLUMNS, breaks, coefficients, None, max(by_name.values()), by_name)
+    coefficients = np.array([each.series[: degree + 1] for each in made])
+    by_name = dict(zip(columns, (UPWARDS * errors).tolist(), strict=True))
+    error = max(by_name[name] for name in COLUMNS)
+    return DenseOutput(columns, breaks, coefficients, None, error, by_name)
 
 
 def _radius(trajectory: ProvenTrajectory, stretch: ProvenStretch) -> FloatArray:
     unit = arb(2) ** -trajectory.precision
-    return np.array([upper(unit * width) for width in stretch.step.spread[: len(COLUMNS)].tolist()])
+    return np.array([upper(unit * width) for width in stretch.step.spread.tolist()])
 
 
-def _rounding(stretch: ProvenStretch, series: FloatArray, degree: int, latest: float) -> FloatArray:
+def _rounding(stretch: ProvenStretch, piece: "_Piece", degree: int, latest: float) -> FloatArray:
     """Return bounds of what a piece leaves out and of all its roundings.
 
-    The place of a time in its piece is known to a few roundings of the latest time; a derivative of T_k is
-    below k².
+    The place of a time in its piece is known to a few roundings of the latest time, and a derivative of T_k
+    is at most k². In Clenshaw's recurrence a rounding of b_j, which is below Σ (k − j + 1)|a_k|, grows j + 1
+    times at most: all of them together are below Σ (k + 1)³|a_k|.
     """
-    sizes = np.abs(series)
+    sizes, numbers = np.abs(piece.series), np.arange(len(piece.series))[:, None]
     late = latest / abs(float(stretch.step.length)) + 1.0
-    squares = np.arange(degree + 1)[:, None] ** 2
-    moved = EVALUATION * late * (squares * sizes[: degree + 1]).sum(axis=0)
-    terms = (EVALUATION * degree + len(sizes)) * sizes.sum(axis=0)
+    moved = EVALUATION * late * (numbers**2 * sizes).sum(axis=0)
+    evaluated = ((numbers + 1.0) ** 3 * sizes).sum(axis=0)
+    made = (len(sizes) + 4.0) * piece.terms
     left_out = sizes[degree + 1 :].sum(axis=0)
-    return np.asarray(left_out + UNIT_ROUNDOFF * (moved + terms))
+    return np.asarray(left_out + UNIT_ROUNDOFF * (moved + evaluated + made))
 
 
-def _chebyshev(stretch: ProvenStretch) -> FloatArray:
-    """Return the coefficients of Chebyshev polynomials on the piece, in the direction of time."""
-    curves = stretch.step.curves[: len(COLUMNS)]
+class _Piece(NamedTuple):
+    series: FloatArray
+    """Coefficients of Chebyshev polynomials on the piece, in the direction of time: (terms, columns)."""
+    terms: FloatArray
+    """Sum of the sizes of the polynomial's coefficients, from which they are made, shape (columns,)."""
+
+
+def _chebyshev(stretch: ProvenStretch) -> _Piece:
+    curves = stretch.step.curves
     terms = np.zeros((max(curve.length() for curve in curves), len(curves)))
     for column, curve in enumerate(curves):
         terms[: curve.length(), column] = [float(c) for c in curve.coeffs()]
     series: FloatArray = _to_chebyshev(len(terms)) @ terms
     if stretch.step.length < 0:
         series[1::2] *= -1.0
-    return series
+    return _Piece(series, np.abs(terms).sum(axis=0))
 
 
 @lru_cache(maxsize=16)

@@ -163,3 +163,50 @@ class EulerPoisson:
             minor(p, g3, r, g1),
             minor(q, g1, p, g2),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class TurningBody:
+    """The six variables, then the quaternion of the attitude and the azimuths of some axes of the body.
+
+    See :mod:`service.dynamics.equations.orientation`: q̇ = q ω/2, ψ̇_k = (ω·γ − ω_k γ_k)/(1 − γ_k²).
+    """
+
+    motion: EulerPoisson
+    axes: tuple[int, ...]
+    """0 for ψ1, 2 for ψ3: those whose axis does not become vertical."""
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables."""
+        return 10 + len(self.axes)
+
+    def right_side(self, algebra: Algebra[T], state: Sequence[T]) -> Sequence[T]:
+        """Return the rates of all of them."""
+        omega, gamma, (a, b, c, d) = state[:3], state[3:6], state[6:10]
+        p, q, r = omega
+        half, one = algebra.constant(Fraction(1, 2)), algebra.constant(Fraction(1))
+
+        def total(*products: tuple[T, T]) -> T:
+            found = algebra.multiply(*products[0])
+            for product in products[1:]:
+                found = algebra.add(found, algebra.multiply(*product))
+            return found
+
+        minus = algebra.negate
+        turn = (
+            total((minus(b), p), (minus(c), q), (minus(d), r)),
+            total((a, p), (c, r), (minus(d), q)),
+            total((a, q), (d, p), (minus(b), r)),
+            total((a, r), (b, q), (minus(c), p)),
+        )
+        others = [[k for k in range(3) if k != axis] for axis in self.axes]
+        azimuths = [
+            algebra.divide(
+                total(*((omega[k], gamma[k]) for k in pair)),
+                algebra.subtract(one, algebra.multiply(gamma[axis], gamma[axis])),
+            )
+            for axis, pair in zip(self.axes, others, strict=True)
+        ]
+        rates = self.motion.right_side(algebra, state[:6])
+        return (*rates, *(algebra.multiply(half, each) for each in turn), *azimuths)

@@ -89,6 +89,7 @@ def _holds(
         claim,
         reference,
         slack,
+        0.0,
     )
 
 
@@ -188,6 +189,7 @@ def _collision(
             False,
             math.inf,
             np.zeros(3),
+            0.0,
             0.0,
         )
         if not is_kept:

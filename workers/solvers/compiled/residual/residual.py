@@ -46,6 +46,8 @@ FloatArray = NDArray[np.float64]
 DEEPEST = 8
 """Cuts of a piece into halves."""
 PARTS = 2
+SHORTEST = 0.01
+"""Share, of the time that may be left out, below which a stretch is not cut any more."""
 OWN_ROUNDING = 2.0**-50
 """Rounding error of a state, relative to its size."""
 
@@ -184,13 +186,15 @@ def hold(
     claim: float,
     reference: FloatArray,
     slack: float,
+    skipped: float,
 ) -> tuple[bool, float, float]:
     """Say whether a run from 0 on keeps all bounds; return the bound of |D| and the largest drift too.
 
     Shapes are (pieces + 1,) and (pieces, at least ``degrees``, LANES). On no stretch may D grow by more than
     ``allowed``. If ``compares``, D may nowhere be beyond twice the ``claim``, and an error ``claim`` explains
     what the integrals do about the ``reference``; their drift is that at the nodes. ``goal`` is what
-    interpolation may leave out in all.
+    interpolation may leave out in all, ``skipped`` the share of the time on which F may have no bound: there
+    D stays what it is.
     """
     code = equations.gradient.code
     registers, discs = new_registers(code, 1, WIDTH), new_registers(code, 2, 1)
@@ -208,7 +212,7 @@ def hold(
     if degrees > HIGHEST_DEGREE + 1:
         return False, math.nan, math.nan
     rows = place_of(coefficients)
-    share = goal / abs(breaks[-1])
+    share, left_out, most = goal / abs(breaks[-1]), 0.0, skipped * abs(breaks[-1])
     defect, drift, is_first = 0.0, 0.0, True
     for n in range(len(breaks) - 1):
         series = rows + ROW * coefficients.shape[1] * n
@@ -224,8 +228,20 @@ def hold(
             largest_rates(equations, discs, centres, radii, bounds)
             level = _level_for(bounds, share)
             if level < 0:
-                if half < 0.5 * PARTS ** (1.0 - DEEPEST):
-                    return False, math.nan, math.nan
+                span = abs(breaks[n + 1] - breaks[n]) * half
+                if half < 0.5 * PARTS ** (1.0 - DEEPEST) or span < SHORTEST * most:
+                    left_out += span
+                    if not left_out <= most:
+                        return False, math.nan, math.nan
+                    put_part_states(series, degrees, middle, half, 0, at_nodes)
+                    for a in range(STATE):
+                        started = number_at(at_nodes, 2 * HALVES[0], a)
+                        if is_first:
+                            first[a] = started
+                        gained[a], rest = two_sum(gained[a], number_at(at_nodes, 0, a) - started)
+                        lost[a] += rest
+                    is_first = False
+                    continue
                 for k in range(PARTS):
                     waiting[left + k, 0] = middle + (PARTS - 1.0 - 2.0 * k) * half / PARTS
                     waiting[left + k, 1] = half / PARTS

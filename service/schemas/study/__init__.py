@@ -1,0 +1,1 @@
+"""Documents of studies: questions about integrals, potentials and numbers."""

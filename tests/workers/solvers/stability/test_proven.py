@@ -1,0 +1,134 @@
+"""Traces that are theorems: tables, other ways to them, and that wrong ones are outside."""
+
+import json
+from fractions import Fraction
+
+import pytest
+from flint import arb, ctx
+
+from service.dynamics.formula.algebras.ball import ball
+from service.jobs.records import Solved
+from service.schemas.replies.solution_text import describe_solution
+from service.schemas.sweep.sweep import kept_numbers
+from service.storage.codecs.summary import summary_columns
+from tests.conformance.classical.specimens import FREE, LOOPS, WORKED, document, placed, random_documents
+from tests.support import fixed_point
+from tests.support.effort import one_in
+from tests.support.random_states import unit_vector
+from tests.workers.solvers.stability.test_lame import MOMENTS, TRACES
+from workers.computation.compute import solve_document
+from workers.solvers.closed_form.lame import transverse_stability
+
+CERTIFIED = {"tier": "certified"}
+
+
+def summary(body, potential, motion, outputs=("stability",), **fields):
+    text = {"type": "expression", "expression": potential} if isinstance(potential, str) else potential
+    asked = {"body": body, "potential": text, "motion": motion, "time": {"stop": 1, "samples": 2}}
+    outcome = solve_document(json.dumps({**asked, "outputs": ["gamma", "omega", *outputs], **fields}))
+    assert isinstance(outcome, Solved), outcome
+    return outcome.summary
+
+
+def enclosed(number):
+    return ball(Fraction(number["value"])) + arb(0, ball(Fraction(number["radius"])))
+
+
+def certified(B, potential, nu):
+    motion = {"type": "planar", "nu": nu}
+    return summary({"A": 2, "B": B, "C": 1, "allow_unphysical": True}, potential, motion, accuracy=CERTIFIED)
+
+
+@pytest.mark.parametrize(
+    ("nu", "B", "trace"),
+    one_in(4, [(nu, B, t) for nu in TRACES for B, t in zip(MOMENTS, TRACES[nu], strict=True)]),
+)
+def test_the_tabulated_trace_is_inside_and_wrong_ones_are_outside(nu, B, trace):
+    found = certified(B, "-g1", nu)
+    stability = found["stability"]
+    assert (stability["proof"], found["error_kind"]["stability"]) == ("theorem", "theorem")
+    inside = enclosed(stability["trace"])
+    with ctx.workprec(128):
+        exact = transverse_stability(Fraction(nu), Fraction(B)).trace
+        assert inside.overlaps(exact)
+        # Half a unit of the last digit printed.
+        assert inside.overlaps(arb(trace, 5e-13))
+        # Nor is it so wide that it says nothing: doubles carry the derivative of the flow.
+        assert not inside.overlaps(exact + 1e-7 * (1 + abs(exact)))
+        assert not inside.overlaps(exact - 1e-7 * (1 + abs(exact)))
+    assert stability["verdict"] == ("marginal" if B == "1" else "unstable" if abs(trace) > 2 else "stable")
+
+
+def test_what_is_exactly_2_stays_marginal_and_beside_it_is_not():
+    """The energy of these motions has dh/dν = 0 where ν³ = 8 b: both multipliers are 1."""
+    at = certified("3/2", "g1 + 1/8/g3^2 - 3*(g1^2 - g2^2)", "1")["stability"]
+    assert at["verdict"] == "marginal"
+    assert enclosed(at["trace"]).contains(2)
+    beside = certified("3/2", "g1 + 1/10/g3^2 - 3*(g1^2 - g2^2)", "1")["stability"]
+    assert beside["verdict"] == "unstable"
+    # By a Taylor integration of the six equations, which vouches for 2e-12.
+    assert enclosed(beside["trace"]).overlaps(arb(5.863685198505, 2e-12))
+
+
+def test_a_classical_motion_with_zero_areas_is_the_planar_one():
+    """Bobylev's and Steklov's: by the case's state and period, and by Lamé's equation in theta functions."""
+    (worked,) = (each for each in WORKED if each.name == "bobylev_steklov" and each.areas == 0.0)
+    stability = summary(worked.body, {"type": "gravity", **worked.potential}, worked.document["motion"])[
+        "stability"
+    ]
+    # ν = −2 C p²/a = −8/25, whose sign is that of g1; A = 2, C = 1.
+    with ctx.workprec(128):
+        exact = transverse_stability(Fraction(8, 25), Fraction(3, 2)).trace
+        assert abs(arb(stability["trace"]) - exact) < stability["error"]
+    assert stability["error"] <= 1e-8
+
+
+@pytest.mark.parametrize("name", one_in(3, [name for name in LOOPS if name in FREE]))
+def test_multipliers_of_classical_cases_are_those_of_series_in_integers(name):
+    (drawn,) = random_documents(name, 5, 1)
+    found = summary(drawn["body"], drawn["potential"], drawn["motion"], ("stability", "period"))
+    stability, there = found["stability"], placed(drawn)
+    terms = [(each, *unit_vector(axis)) for axis, each in enumerate(there.motion.centre) if each]
+    moments = (there.body.A, there.body.B, there.body.C)
+    state = (*there.start.omega, *there.start.gamma)
+    period = Fraction(found["period"]["value"])
+    carried = fixed_point.Motion(moments, tuple(terms)).carried(state, period)
+    trace = Fraction(sum(row[n] for n, row in enumerate(carried)), 1 << fixed_point.BITS) - 4
+    # The period is that of doubles, 1e-15 of itself; its share of the trace is below the radius.
+    assert abs(Fraction(stability["trace"]) - trace) <= Fraction(stability["error"])
+    assert stability["proof"] == "theorem"
+
+
+def test_the_precession_is_enclosed():
+    found = summary(
+        {"A": 2, "B": 2, "C": 1}, "-g1", {"type": "planar", "nu": 1}, ("orientation",),
+        accuracy={**CERTIFIED, "bits": 128},
+    )["precession"]  # fmt: skip
+    with ctx.workprec(128):
+        # Two independent quadratures, to 28 digits.
+        known = ball(Fraction("3.61050523508724966610354854487"))
+        assert enclosed(found["psi1"]).overlaps(known + arb(0, 1e-29))
+        assert enclosed(found["psi3"]).overlaps(known - 2 * arb.pi() + arb(0, 1e-29))
+    assert all(Fraction(each["radius"]) < Fraction(1, 10**30) for each in found.values())
+    still = summary({"A": 2, "B": 2, "C": 1}, "-g1 + 1/20/g3^2", {"type": "planar", "nu": 1},
+                    ("orientation",), accuracy=CERTIFIED)  # fmt: skip
+    assert still["precession"]["psi1"] == {"value": "0", "radius": "0"}
+
+
+def test_a_trace_in_balls_is_a_number_to_lists_sweeps_and_people():
+    found = certified("3", "-g1", "2")
+    trace = found["stability"]["trace"]
+    assert summary_columns(found["problem"], found)["trace"] == float(trace["value"])
+    value, error = kept_numbers(found, ["stability.trace", "stability.trace.error"])
+    # The error is that of the double, a rounding more than the radius.
+    assert (value, error) == (float(trace["value"]), pytest.approx(float(trace["radius"]), rel=1e-2))
+    (line,) = (line for line in describe_solution(found) if line.startswith("stability"))
+    assert line == f"stability   unstable, trace {trace['value']} ± {trace['radius']} (theorem)"
+
+
+def test_a_motion_that_does_not_close_has_no_multipliers():
+    staude = document("staude", {"A": 3, "B": 2, "C": "3/2"}, {"a": 1, "b": "1/2", "c": "1/4"},
+                      {"gamma": [1, -1, None]})  # fmt: skip
+    found = summary(staude["body"], staude["potential"], staude["motion"])
+    assert found["stability"] is None
+    assert [warning["code"] for warning in found["warnings"]] == ["stability_undefined"]

@@ -1,0 +1,314 @@
+"""Answers a study in a worker's child: a question of the service's own, or a search of numbers.
+
+Periods, energies and precessions are searched with proofs, where the potential has a formula that is
+admissible for all of the numbers. Windows of λ are cut at the atlas' changes first: between them their number
+is proved, so that no window is missed; along other unknowns it is not, and the rest stays undecided. What has
+no bounds is looked for in doubles.
+"""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+from itertools import pairwise
+from math import inf, nan
+
+from flint import arb
+
+from service.dynamics.atlas.atlas import make_atlas
+from service.dynamics.atlas.parts import AtlasPart, LambdaRange
+from service.dynamics.errors import DynamicsError
+from service.dynamics.exact import exact_number
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball
+from service.dynamics.formula.parameters import bind, coefficients_of
+from service.dynamics.formula.parser import parse
+from service.dynamics.formula.printer import exact_tree
+from service.dynamics.formula.tape import compile_tape
+from service.dynamics.formula.tree import VARIABLES, Binary, Symbol, Tree
+from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.reduction.windows import find_windows
+from service.dynamics.solution.ball_columns import as_decimals
+from service.dynamics.verdict.verdict import decide
+from service.jobs.records import JobResult, Refused
+from service.schemas.reading.documents import Document, Part
+from service.schemas.study.reading import Search, trusted_search
+from service.storage.codecs.packing import encode_document
+from service.verdicts.documents import verdict_document
+from service.verdicts.refusals import answer_or_refusal, deadline, refusal_of_verdict
+from service.verdicts.studies import QUESTIONS, examine_study_of_job
+from workers.computation.compiled_code import way_for
+from workers.computation.compute import solve_document
+from workers.solvers.searches.family import ProblemFamily, Slot
+from workers.solvers.searches.search import Box, FamilySearch, FoundNumbers, Target, search
+
+PROCESSOR_SECONDS, SECONDS = 60.0, 120.0
+"""After either limit what is not settled is undecided."""
+SAMPLES = 65
+"""Places at which what has no bounds is looked at, along one unknown."""
+MOST_STEPS = 40
+NARROW = 1e-13
+"""Relative width of a bracket that is not narrowed any more."""
+LARGEST_JUMP = 1e-3
+"""A value that differs by more at the two ends of a narrow bracket does not pass 0 there."""
+ATLAS_SAMPLES = 9
+_LAMBDA = ("motion", "lambda")
+_AFFINE = ("gravity", "rational", "homogeneous")
+"""Families of potentials that are sums of terms, each with a coefficient that is a number of the document."""
+
+
+def study_document(document_json: str) -> JobResult | Refused:
+    """Answer the document of a job: a question with ``what``."""
+    document: Part = json.loads(document_json)
+    if document["what"] in QUESTIONS:
+        answer: Part = json.loads(examine_study_of_job(document_json))
+        base = ""
+    else:
+        answer, base = answer_or_refusal(document, _numbers), "/base"
+    if "error" in answer:
+        return Refused({**answer["error"], "pointer": f"{base}{answer['error']['pointer']}"})
+    return JobResult(encode_document(answer["verdict"]))
+
+
+def _numbers(document: Part) -> Document:
+    """Answer a search of numbers, or refuse it."""
+    asked = trusted_search(document)
+    problem = asked.problem_at([each.middle for each in asked.unknowns])
+    verdict = decide(problem.body, problem.potential)
+    answer = verdict_document(problem.body, verdict, problem.potential)
+    refused = refusal_of_verdict(verdict, answer, problem.accept == "undecided")
+    if refused:
+        return refused
+    is_late = deadline(PROCESSOR_SECONDS, SECONDS)
+    whole: Box = tuple((each.lower, each.upper) for each in asked.unknowns)
+    family = family_of(asked, problem)
+    wanted = [Target(each.of, partial(_number, each.equals)) for each in asked.wanted if each.of != "trace"]
+    if family is None or len(wanted) < len(asked.wanted):
+        return _answer(asked, _seen_solutions(asked, is_late), [whole], "possible")
+    question = FamilySearch(family, asked.problem_at, wanted, is_late)
+    if not _is_admissible(asked, problem):
+        return _answer(asked, search(question, whole).solutions, [whole], "possible")
+    if [each.path for each in asked.unknowns] != [_LAMBDA]:
+        return _answer(asked, search(question, whole).solutions, [whole], "proved")
+    solutions, undecided = list[FoundNumbers](), list[Box]()
+    for part, windows in _parts(problem, whole[0], is_late):
+        if windows is None:
+            undecided.append(part)
+        elif windows:
+            found = search(replace(question, windows=windows), part)
+            solutions += found.solutions
+            undecided += found.undecided
+    return _answer(asked, solutions, undecided, "proved")
+
+
+def _number(tree: Tree) -> arb:
+    """Return the value of a formula without variables."""
+    return compile_tape(tree, ()).evaluate(BallAlgebra(), ())
+
+
+def _parts(
+    problem: Problem, ends: tuple[Fraction, Fraction], is_late: Callable[[], bool]
+) -> list[tuple[Box, int | None]]:
+    """Return the parts of a range of λ with the number of their windows; None where that is not proved."""
+    motion = problem.motion
+    assert isinstance(motion, PlanarMotion)
+    over = LambdaRange(*ends, motion.sign_of_g1, motion.g3_sign)
+    atlas = make_atlas(problem.body, problem.potential, over, ATLAS_SAMPLES, is_late, has_periods=False)
+    found: list[tuple[Box, int | None]] = []
+    reached = ends[0]
+    for part in atlas.parts:
+        lower, upper = _inner(part.lower, ends, up=True), _inner(part.upper, ends, up=False)
+        if reached < lower:
+            found.append((((reached, lower),), None))
+        found.append((((lower, upper),), _windows_of(part) if atlas.proof == "proved" else None))
+        reached = upper
+    if reached < ends[1]:
+        found.append((((reached, ends[1]),), None))
+    return found
+
+
+def _windows_of(part: AtlasPart) -> int | None:
+    if part.series is not None:
+        return len(part.series.bands)
+    return 0 if part.reason is not None and part.reason.code == "no_motion" else None
+
+
+def _inner(end: arb, ends: tuple[Fraction, Fraction], *, up: bool) -> Fraction:
+    """Return a number inside of the enclosure of an end, within the range."""
+    for whole in ends:
+        if end.overlaps(ball(whole)):
+            return whole
+    mantissa, exponent = (end.upper() if up else end.lower()).man_exp()
+    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
+
+
+def family_of(asked: Search, problem: Problem) -> ProblemFamily | None:
+    """Return the family of problems of a search; None if the potential has no formula in its unknowns."""
+    motion, body = problem.motion, problem.body
+    assert isinstance(motion, PlanarMotion)
+    tree = _tree_of(asked, problem)
+    if tree is None:
+        return None
+    names = _names(asked)
+    slots: dict[str, Slot] = {"A": body.A, "C": body.C}
+    size: Slot = motion.lambda_squared
+    is_square = True
+    for k, each in enumerate(asked.unknowns):
+        if each.path[0] == "body" and each.path[1] in slots:
+            slots[each.path[1]] = k
+        elif each.path == _LAMBDA:
+            size, is_square = k, False
+        elif each.path == ("motion", "nu") and each.lower > 0:
+            size = k
+        elif each.path[0] == "motion":
+            return None
+    mirrored = body.A < body.C
+    sign = motion.g3_sign if mirrored else motion.sign_of_g1
+    tape = compile_tape(tree, (*VARIABLES, *names.values()))
+    return ProblemFamily(tape, tuple(names), slots["A"], slots["C"], size, is_square, mirrored, sign)
+
+
+def _names(asked: Search) -> dict[int, str]:
+    """Return the names that unknowns of the potential, and moments, have in its formula."""
+    names = {}
+    for k, each in enumerate(asked.unknowns):
+        if each.path[0] == "body":
+            names[k] = each.path[1]
+        elif each.path[0] == "potential":
+            is_named = each.path[1] == "parameters" and len(each.path) == 3
+            names[k] = each.path[2] if is_named else f"unknown{k}"
+    return names
+
+
+def _tree_of(asked: Search, problem: Problem) -> Tree | None:
+    """Return the potential as a formula in g1, g2, g3 and the names of unknowns; None if it has none."""
+    whole: Part = asked.base
+    document: Part = whole["potential"]
+    names = _names(asked)
+    if not names or set(names.values()) == {"B"}:
+        potential = problem.potential
+        return potential.tree if potential.has_formula else None
+    if document["type"] == "expression":
+        body = problem.body
+        numbers = {"A": body.A, "C": body.C, **({} if body.B is None else {"B": body.B})}
+        numbers |= {name: exact_of(value) for name, value in document.get("parameters", {}).items()}
+        known = {name: value for name, value in numbers.items() if name not in names.values()}
+        tree = parse(document["expression"])
+        return bind(tree, known, variables=(*VARIABLES, *names.values()))
+    if document["type"] not in _AFFINE or any(each.path[0] == "body" for each in asked.unknowns):
+        return None
+    # V is affine in its coefficients: it follows from its values at corners of the box.
+    lowest = [each.lower for each in asked.unknowns]
+    start = asked.problem_at(lowest).potential.tree
+    total = start
+    for k, name in names.items():
+        each = asked.unknowns[k]
+        other = asked.problem_at([*lowest[:k], each.upper, *lowest[k + 1 :]]).potential.tree
+        share = Binary(
+            "/", Binary("-", Symbol(name), exact_tree(each.lower)), exact_tree(each.upper - each.lower)
+        )
+        total = Binary("+", total, Binary("*", share, Binary("-", other, start)))
+    return total
+
+
+def exact_of(value: object) -> Fraction:
+    """Return the exact value of a number in a valid document."""
+    assert isinstance(value, int | float | str)
+    return exact_number(value)
+
+
+def _is_admissible(asked: Search, problem: Problem) -> bool:
+    """Tell whether it is proved that the potential admits planar motions for all numbers of the box."""
+    if any(each.path[0] == "body" and each.path[1] != "B" for each in asked.unknowns):
+        return False
+    names = [name for name in _names(asked).values() if name != "B"]
+    tree = _tree_of(asked, problem)
+    if tree is None:
+        return False
+    if not names:
+        return decide(problem.body, problem.potential).verdict == "admissible"
+    # The equation is linear in V: it holds for all numbers if it does for each coefficient.
+    parts = coefficients_of(tree, names)
+    return parts is not None and all(
+        decide(problem.body, Potential.from_tree(part, "expression")).verdict == "admissible"
+        for part in parts.values()
+    )
+
+
+def _seen_solutions(asked: Search, is_late: Callable[[], bool]) -> list[FoundNumbers]:
+    """Return the solutions that doubles show along one unknown: where what is wanted passes its value."""
+    if len(asked.unknowns) > 1:
+        return []
+    (unknown,), (wanted,) = asked.unknowns, asked.wanted
+    target = float(_number(wanted.equals))
+    span = unknown.upper - unknown.lower
+    places = [unknown.lower + span * k / (SAMPLES - 1) for k in range(SAMPLES)]
+    found = list[FoundNumbers]()
+    for window in range(max(_count_windows(asked, place) for place in places[:: SAMPLES // 8])):
+
+        def missed(at: Fraction, window: int = window) -> float:
+            return nan if is_late() else _value_at(asked, at, window, wanted.of) - target
+
+        values = [missed(place) for place in places]
+        for (low, high), (one, two) in zip(pairwise(places), pairwise(values), strict=True):
+            if one * two <= 0.0:
+                ends = _narrowed(missed, (low, one), (high, two))
+                if ends is not None:
+                    found.append(FoundNumbers((ends,), window))
+    return sorted(found, key=lambda each: float(each.values[0].mid()))
+
+
+def _count_windows(asked: Search, at: Fraction) -> int:
+    problem = asked.problem_at([at])
+    assert isinstance(problem.motion, PlanarMotion)
+    try:
+        return len(find_windows(problem.body, problem.potential, problem.motion))
+    except DynamicsError:
+        return 0
+
+
+def _value_at(asked: Search, at: Fraction, window: int, of: str) -> float:
+    """Return what a job tells of the motion in a window; NaN if there is none."""
+    document: Part = asked.document_at([at])
+    asking = {**document, "motion": {**document["motion"], "window": window}}
+    outcome = solve_document(json.dumps(asking), way=way_for("planar", "outputs"), waits=True)
+    if isinstance(outcome, Refused):
+        return nan
+    told: Part = outcome.summary
+    if of == "trace":
+        return nan if told["stability"] is None else float(told["stability"]["trace"])
+    for name in of.split("."):
+        told = told[name] or {}
+    return float(told.get("value", nan))
+
+
+def _narrowed(
+    missed: Callable[[Fraction], float], low: tuple[Fraction, float], high: tuple[Fraction, float]
+) -> arb | None:
+    """Return where a value changes its sign, as narrow as doubles know; None if it jumps there."""
+    for _ in range(MOST_STEPS):
+        (a, one), (b, two) = low, high
+        share = 0.5 if one == two else min(max(one / (one - two), 0.01), 0.99)
+        middle = a + (b - a) * Fraction(share)
+        value = missed(middle)
+        if not value * value < inf or b - a < NARROW * (abs(a) + abs(b)):
+            break
+        low, high = ((middle, value), high) if value * one > 0.0 else (low, (middle, value))
+    is_jump = abs(low[1] - high[1]) > LARGEST_JUMP
+    return None if is_jump else ball(low[0]).union(ball(high[0]))
+
+
+def _answer(
+    asked: Search, solutions: Sequence[FoundNumbers], undecided: Sequence[Box], proof: str
+) -> Document:
+    found: list[Document] = []
+    for each in solutions:
+        values: Document = {}
+        for unknown, value in zip(asked.unknowns, each.values, strict=True):
+            decimal, radius = as_decimals(value)
+            values[unknown.pointer] = {"value": decimal, "radius": radius}
+        found.append({"values": values, "window": each.window, "proof": proof})
+    boxes = [[[float(low), float(high)] for low, high in box] for box in undecided]
+    rest = "undecided" if boxes else "proved_empty"
+    return {"verdict": {"solutions": found, "rest": rest, "undecided": boxes}}

@@ -1,0 +1,1 @@
+"""Searches of the numbers of problems that give what is wanted: doubles propose, balls prove."""

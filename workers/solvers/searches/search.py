@@ -1,0 +1,327 @@
+"""Searches boxes of unknown numbers for what gives a wanted period, energy or precession.
+
+A box is cut until on each part it is proved, for every window, that a condition is missed everywhere, or
+that there is one solution (interval Newton). What is neither at the end, or has no bounds, is undecided.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
+from typing import Literal
+
+from flint import arb, ctx
+
+from service.dynamics.errors import DynamicsError
+from service.dynamics.formula.algebras.ball import ball
+from service.dynamics.problem import PlanarMotion, Problem, Start, StartAtEquator, StartAtPoint
+from service.dynamics.reduction.geometry.loop import make_loop
+from service.dynamics.reduction.start import StartingPoint
+from service.dynamics.reduction.window import Arc
+from service.dynamics.reduction.window import Window as ReducedWindow
+from service.dynamics.reduction.windows import NoMotionError, find_windows
+from workers.solvers.certified.by_integral import IntegralMotion, integral_motion
+from workers.solvers.certified.errors import PrecisionNeededError
+from workers.solvers.certified.orbit import passes_pole
+from workers.solvers.searches.family import ProblemFamily
+from workers.solvers.searches.model import (
+    COARSE,
+    BoundedFunction,
+    FamilyWindow,
+    Numbers,
+    Slopes,
+    energy_model,
+    period_model,
+    precession_model,
+)
+
+Of = Literal["period", "energy", "precession.psi1", "precession.psi3"]
+
+BITS = 96
+"""Precision of the search; solutions are enclosed again at twice as many."""
+FINE = 80
+"""Bits of the values at a solution."""
+LARGEST_SHARE = Fraction(1, 2)
+"""Half a box is at most this share of the radius of the polydisc about its middle."""
+NARROWEST = Fraction(1, 2**34)
+"""A box of this share of the interval is not cut any more."""
+DEEPEST = 1024
+"""Leaves of a box are at least this part of it."""
+POLISHES = 6
+
+Box = tuple[tuple[Fraction, Fraction], ...]
+"""The two ends of each unknown."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A number of the motion and what it is to be."""
+
+    of: Of
+    equals: Callable[[], arb]
+    """Returns the number at the current precision."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoundNumbers:
+    """Enclosures of the unknowns, among which there is exactly one solution of this window."""
+
+    values: tuple[arb, ...]
+    window: int
+
+
+@dataclass(frozen=True, slots=True)
+class SearchResult:
+    """All solutions that were proved, and the boxes in which nothing is."""
+
+    solutions: tuple[FoundNumbers, ...]
+    undecided: tuple[Box, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FamilySearch:
+    """A family, what is wanted of it, and when to stop."""
+
+    family: ProblemFamily
+    problem_at: Callable[[Numbers], Problem]
+    conditions: Sequence[Target]
+    is_late: Callable[[], bool]
+    windows: int | None = None
+    """The number of windows on the whole box, where that is proved."""
+
+    @property
+    def needs_period(self) -> bool:
+        """A motion without a period is no solution."""
+        return any(each.of != "energy" for each in self.conditions)
+
+
+def search(question: FamilySearch, whole: Box) -> SearchResult:
+    """Return the solutions in a box."""
+    with ctx.workprec(BITS):
+        return _Search(question, whole).found()
+
+
+class _Search:
+    def __init__(self, question: FamilySearch, whole: Box) -> None:
+        self._question, self._whole = question, whole
+        self._solutions: list[FoundNumbers] = []
+        self._undecided: list[Box] = []
+
+    def found(self) -> SearchResult:
+        waiting = [self._whole]
+        while waiting:
+            box = waiting.pop()
+            if self._question.is_late():
+                self._undecided.append(box)
+            elif not self._is_settled(box):
+                if self._is_narrow(box):
+                    self._undecided.append(box)
+                else:
+                    waiting += _halves(box, self._whole)
+        ordered = sorted(self._solutions, key=lambda each: float(each.values[0].mid()))
+        return SearchResult(tuple(ordered), tuple(_joined(self._undecided)))
+
+    def _is_narrow(self, box: Box) -> bool:
+        return all(
+            high - low <= NARROWEST * (top - bottom)
+            for (low, high), (bottom, top) in zip(box, self._whole, strict=True)
+        )
+
+    def _is_settled(self, box: Box) -> bool:
+        """Settle all windows of a box; False if it has to be cut first."""
+        middle = [(low + high) / 2 for low, high in box]
+        radii = [(high - low) / 2 / LARGEST_SHARE for low, high in box]
+        try:
+            seen = self._windows(middle)
+            models = [(window, self._models(window, arc, middle, radii)) for window, arc in seen]
+            for window, wanted in models:
+                self._settle(window, wanted, box)
+        except (DynamicsError, PrecisionNeededError):
+            return False
+        return True
+
+    def _windows(self, at: Numbers) -> list[tuple[FamilyWindow, Arc]]:
+        """Return the windows at a point that can be solutions, each with an arc."""
+        problem = self._question.problem_at(at)
+        assert isinstance(problem.motion, PlanarMotion)
+        try:
+            found = find_windows(problem.body, problem.potential, problem.motion)
+        except NoMotionError:
+            found = ()
+        if self._question.windows not in (None, len(found)):
+            raise PrecisionNeededError("the windows of a part")
+        needs_period = self._question.needs_period
+        return [_seen(each) for each in found if each.kind == "periodic" or not needs_period]
+
+    def _models(
+        self, window: FamilyWindow, arc: Arc, centre: Numbers, radii: Numbers
+    ) -> list[BoundedFunction]:
+        family, found = self._question.family, list[BoundedFunction]()
+        for condition in self._question.conditions:
+            if condition.of == "energy":
+                found.append(energy_model(family, window.side, centre, radii))
+            elif condition.of == "period":
+                motion_at = partial(self._motion_at, arc)
+                found.append(period_model(family, window, motion_at, centre, radii))
+            else:
+                found.append(self._precession(condition.of, window, centre, radii))
+        return found
+
+    def _motion_at(self, arc: Arc, at: Numbers, ends: tuple[arb, arb] | None, bits: int) -> IntegralMotion:
+        problem = self._question.problem_at(at)
+        assert isinstance(problem.motion, PlanarMotion)
+        loop = make_loop(problem.body, problem.potential, problem.motion)
+        here = replace(arc, loop=loop)
+        if ends is not None:
+            here = replace(here, lower=ends[0].mid(), upper=ends[1].mid())
+        # The period is the same from every start.
+        start = here.lower if ends is not None else arc.lower
+        direction = 0 if ends is not None else 1
+        return integral_motion(StartingPoint(here, start, direction), bits)
+
+    def _precession(self, of: Of, window: FamilyWindow, centre: Numbers, radii: Numbers) -> BoundedFunction:
+        family = self._question.family
+        model = precession_model(family, window, centre, radii)
+        if window.ends is not None:
+            return model
+        motion = self._question.problem_at(centre).motion
+        assert isinstance(motion, PlanarMotion)
+        sense = motion.sign_of_g1 * motion.g3_sign * (1 if motion.start is None else _s_sign(motion.start))
+        # ψ1 gains the advance and ψ3 loses the rest of a turn; the mirror to A < C exchanges the axes.
+        if (of == "precession.psi1") != family.mirrored:
+            return model.moved(lambda: arb(0), sense if not family.mirrored else -sense)
+        whole = sense if family.mirrored else -sense
+        return model.moved(lambda: whole * 2 * arb.pi(), -whole)
+
+    def _settle(self, window: FamilyWindow, models: Sequence[BoundedFunction], box: Box) -> None:
+        """Settle a window on a box.
+
+        Raises
+        ------
+        PrecisionNeededError
+            The bounds are too rough for it: those of a smaller box are closer.
+        """
+        smallest = [(high - low) / DEEPEST for low, high in box]
+        waiting = [box]
+        while waiting:
+            leaf = waiting.pop()
+            if self._question.is_late():
+                self._undecided.append(leaf)
+                continue
+            middle = [(low + high) / 2 for low, high in leaf]
+            half = [ball((high - low) / 2) for low, high in leaf]
+            slopes = list[Slopes]()
+            for model, condition in zip(models, self._question.conditions, strict=True):
+                slopes.append(model.slopes(middle, COARSE))
+                if not slopes[-1].range_on(half).overlaps(condition.equals()):
+                    break
+            else:
+                if not self._has_solved(window, models, slopes, middle, half):
+                    if all(high - low < s for (low, high), s in zip(leaf, smallest, strict=True)):
+                        raise PrecisionNeededError("a bound of derivatives")
+                    waiting += _halves(leaf, self._whole)
+
+    def _has_solved(
+        self,
+        window: FamilyWindow,
+        models: Sequence[BoundedFunction],
+        slopes: Sequence[Slopes],
+        middle: Numbers,
+        half: Sequence[arb],
+    ) -> bool:
+        """Find the only solution of a leaf, or that it has none, by Newton's step on twice the leaf."""
+        wide = [2 * r for r in half]
+        if not all(r < R for r, R in zip(wide, slopes[0].radii, strict=True)):
+            return False
+        matrix = [each.gradient_on(wide) for each in slopes]
+        step = _solved(matrix, self._missed(slopes))
+        if step is None:
+            return False
+        if any(abs(x) > r for x, r in zip(step, half, strict=True)):
+            return True
+        if not all(abs(x) < r for x, r in zip(step, wide, strict=True)):
+            return False
+        values = [x + ball(m) for x, m in zip(step, middle, strict=True)]
+        self._add(window, self._polished(models, values))
+        return True
+
+    def _polished(self, models: Sequence[BoundedFunction], values: Sequence[arb]) -> tuple[arb, ...]:
+        """Narrow a solution, of which there is one among these ``values``."""
+        with ctx.workprec(2 * BITS):
+            for _ in range(POLISHES):
+                at = [_rational(x) for x in values]
+                slopes = [model.slopes(at, FINE) for model in models]
+                matrix = [each.gradient_on([x.rad() for x in values]) for each in slopes]
+                step = _solved(matrix, self._missed(slopes))
+                if step is None:
+                    break
+                closer = [x.intersection(ball(m) + dx) for x, m, dx in zip(values, at, step, strict=True)]
+                if not any(new.rad() < old.rad() / 2 for new, old in zip(closer, values, strict=True)):
+                    break
+                values = closer
+            return tuple(values)
+
+    def _missed(self, slopes: Sequence[Slopes]) -> list[arb]:
+        return [c.equals() - each.value for c, each in zip(self._question.conditions, slopes, strict=True)]
+
+    def _add(self, window: FamilyWindow, values: tuple[arb, ...]) -> None:
+        """Add a solution, unless it is outside of the intervals, or was found from the box beside."""
+        inside = all(
+            x.overlaps(ball(low).union(ball(high)))
+            for x, (low, high) in zip(values, self._whole, strict=True)
+        )
+        known = any(
+            each.window == window.index
+            and all(x.overlaps(y) for x, y in zip(each.values, values, strict=True))
+            for each in self._solutions
+        )
+        if inside and not known:
+            self._solutions.append(FoundNumbers(values, window.index))
+
+
+def _seen(window: ReducedWindow) -> tuple[FamilyWindow, Arc]:
+    arc = window.arcs[0]
+    if arc.is_whole_loop:
+        return FamilyWindow(0, None, window.index), arc
+    side = 0 if passes_pole(arc) else 1 if ((arc.lower + arc.upper) / 2).sin() > 0 else -1
+    return FamilyWindow(side, (arc.lower.mid(), arc.upper.mid()), window.index), arc
+
+
+def _s_sign(start: Start) -> int:
+    return start.s_sign if isinstance(start, StartAtEquator | StartAtPoint) else 1
+
+
+def _rational(value: arb) -> Fraction:
+    mantissa, exponent = value.mid().man_exp()
+    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
+
+
+def _solved(matrix: Sequence[Sequence[arb]], right: Sequence[arb]) -> list[arb] | None:
+    """Return an enclosure of all solutions of one or two linear equations; None if they may be many."""
+    if len(right) == 1:
+        found = [right[0] / matrix[0][0]]
+    else:
+        (a, b), (c, d) = matrix
+        determinant = a * d - b * c
+        found = [(d * right[0] - b * right[1]) / determinant, (a * right[1] - c * right[0]) / determinant]
+    return found if all(x.is_finite() for x in found) else None
+
+
+def _halves(box: Box, whole: Box) -> list[Box]:
+    """Cut a box across its longest side, of the shares of the whole."""
+    shares = [(high - low) / (top - bottom) for (low, high), (bottom, top) in zip(box, whole, strict=True)]
+    k = shares.index(max(shares))
+    low, high = box[k]
+    middle = (low + high) / 2
+    return [(*box[:k], ends, *box[k + 1 :]) for ends in ((middle, high), (low, middle))]
+
+
+def _joined(boxes: Sequence[Box]) -> list[Box]:
+    """Join intervals that touch; boxes of two unknowns stay as they are."""
+    found: list[Box] = []
+    for box in sorted(set(boxes)):
+        if found and len(box) == 1 and box[0][0] <= found[-1][0][1]:
+            found[-1] = ((found[-1][0][0], max(found[-1][0][1], box[0][1])),)
+        else:
+            found.append(box)
+    return found

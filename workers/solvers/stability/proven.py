@@ -1,0 +1,314 @@
+r"""The multipliers of a periodic motion, proven: by the derivative of the flow over one period.
+
+Validated integration encloses the derivative Φ of the state at a rational time t by that at 0. With the
+period T in a ball next to t, Φ(T) = Ψ Φ(t), where Ψ is the derivative of the flow over T − t: with |J| ≤ K on
+a box that the motion does not leave meanwhile,
+
+.. math:: |\Psi - 1| \le e^{|T - t| K} - 1 .
+
+Four of the six multipliers are 1 (two Casimir functions, the energy, the shift of time), the other two are μ
+and 1/μ: so their sum is tr Φ(T) − 4. The verdict follows where that is enclosed away from ±2.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TypeVar
+
+import numpy as np
+from flint import arb, ctx
+from numpy.typing import NDArray
+
+from service.dynamics.accuracy import TIER_TOLERANCES
+from service.dynamics.body import RigidBody
+from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball
+from service.dynamics.formula.tape import Tape
+from service.dynamics.problem import Problem
+from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, Period
+from workers.solvers.certified.certify import Certified
+from workers.solvers.certified.errors import CertifiedUnavailableError
+from workers.solvers.certified.validated.enclose import ProvenTrajectory, Start, enclose
+from workers.solvers.certified.validated.step import UPWARDS, upper
+from workers.solvers.certified.validated.system import EulerPoisson, Recorded, record
+from workers.solvers.classical.curve import Curve
+from workers.solvers.classical.solve import place_motion
+from workers.solvers.stability.assessment import Stability, of_trace
+from workers.solvers.stability.monodromy import StabilityUndefinedError
+
+FloatArray = NDArray[np.float64]
+T = TypeVar("T")
+Origin = tuple[RigidBody, Start]
+"""A body with all its moments, and balls of its state at t = 0."""
+
+FLOW_BITS = 40
+"""Bits of the state along the way: the derivative of the flow is one of doubles."""
+SHORTER = 2
+"""So many times shorter are steps, for the derivative of the flow: else some motions leave no digit of it."""
+CLOSE_BITS = 128
+"""Bits of the state at the time at which it comes back."""
+TRIVIAL = 4
+"""Number of multipliers that are 1."""
+TIME_BITS = 96
+"""Bits of the rational time next to a period; so many more than those of what is asked there."""
+BOX = 2.0**-20
+"""Half a side of the box about the last state, which the motion does not leave in the ball of the period."""
+NEWTON_TRIES = 6
+PERIOD_KNOWN = 1e-9
+"""Share of the period of a classical motion within which its quadrature is taken to know it."""
+MOST_PERIODS = 1_000_000
+SINGLY = 2048
+"""Periods that are gone through one by one; after them numbers of periods are doubled."""
+LOOSEST = 2.0**-20
+"""Radius of a trace, relative to it where it is above 1, from which on nothing is told of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProvenTurn:
+    """The derivative of the flow over one period of a motion, enclosed."""
+
+    period: arb
+    trace: arb
+    """μ + 1/μ."""
+    matrix: FloatArray
+    """About Φ(T), shape (6, 6)."""
+    excursion: float
+    """Largest norm on the way, in parts of the larger one of those at both ends."""
+    speed: float
+    """About the largest |ω|."""
+
+
+def proven_turn(body: RigidBody, potential: Tape, start: Start, period: arb) -> ProvenTurn:
+    """Return what one period of the motion from ``start`` does to its neighbours.
+
+    Raises
+    ------
+    CertifiedUnavailableError
+        The motion is not enclosed, or its neighbours part too far in a period.
+    """
+    system = EulerPoisson(body, potential)
+    recorded = record(system)
+    time = _rational(period)
+    found = enclose(system, start, [time], FLOW_BITS, shorter=SHORTER)
+    trajectory = found.forward
+    assert trajectory is not None
+    with ctx.workprec(found.precision):
+        late = arb(abs(period - ball(time)).abs_upper())
+        matrix, lost = trajectory.flow(time)
+        size = np.abs(matrix) + lost
+        growth = _growth(recorded, found.states[0], late)
+        lost = UPWARDS * (lost + growth * np.ones_like(size) @ size)
+        trace = sum(
+            (arb(value, radius) for value, radius in zip(matrix.diagonal(), lost.diagonal(), strict=True)),
+            arb(-TRIVIAL),
+        )
+    if not trace.rad() < LOOSEST * abs(trace).max(arb(1)):
+        raise CertifiedUnavailableError("its neighbours part too far in one period to tell its multipliers")
+    return ProvenTurn(period, trace, matrix, *_on_the_way(trajectory, matrix))
+
+
+def planar_stability(problem: Problem, origin: Origin, proven: Certified, about: Stability) -> Stability:
+    """Return the stability of a planar motion with a proven trace; what is estimated where there is none."""
+    if proven.period is None:
+        return about
+    body, start = origin
+    try:
+        turn = proven_turn(body, problem.potential.tape, start, proven.period)
+    except CertifiedUnavailableError:
+        return about
+    return proven_stability(turn, _tolerance(problem))
+
+
+def classical_stability(problem: Problem, origin: Origin) -> Stability:
+    """Return the stability of a classical motion that closes.
+
+    That it closes, about when its quadrature says, is taken from its case.
+
+    Raises
+    ------
+    StabilityUndefinedError
+        It does not close, or its multipliers are not enclosed.
+    """
+    placed = place_motion(problem)
+    if placed.loop is None:
+        raise StabilityUndefinedError(
+            "multipliers belong to periodic motions, and this one does not close", pointer="/outputs"
+        )
+    about = float(Curve.of(placed).period)
+    body, start = origin
+    try:
+        period = return_time(body, problem.potential.tape, start, about, PERIOD_KNOWN * about)
+        turn = proven_turn(body, problem.potential.tape, start, period)
+    except CertifiedUnavailableError as fault:
+        text = f"its multipliers are not enclosed: {fault.message}"
+        raise StabilityUndefinedError(text, pointer="/outputs") from fault
+    found = proven_stability(turn, min(_tolerance(problem), TIER_TOLERANCES["draft"]))
+    return found if problem.accuracy.tier == "certified" else replace(found, enclosed=None)
+
+
+def proven_precession(
+    problem: Problem, origin: Origin, proven: Certified, about: tuple[float, float]
+) -> tuple[arb, arb] | None:
+    """Return what ψ1 and ψ3 of a planar motion gain in a period, enclosed; None where that is not to be had.
+
+    ψ1 is integrated as a seventh variable. The two differ by a whole turn, in the sense of the estimates
+    ``about`` them (:mod:`workers.solvers.orientation.advance`).
+    """
+    if about == (0.0, 0.0):
+        # To and fro between rest points.
+        return arb(0), arb(0)
+    if proven.period is None:
+        return None
+    body, start = origin
+    try:
+        first = _first_angle(
+            EulerPoisson(body, problem.potential.tape), start, proven.period, problem.accuracy.bits
+        )
+    except CertifiedUnavailableError:
+        return None
+    with ctx.workprec(2 * proven.bits):
+        return first, first - 2 * arb.pi() * round((about[0] - about[1]) / (2.0 * math.pi))
+
+
+def _first_angle(motion: EulerPoisson, start: Start, period: arb, bits: int) -> arb:
+    system, time = Precessing(motion), _rational(period, bits + TIME_BITS)
+    found = enclose(system, lambda: [*start(), arb(0)], [time], bits)
+    with ctx.workprec(found.precision):
+        late = arb(abs(period - ball(time)).abs_upper())
+        recorded, state = record(system), found.states[0]
+        _growth(recorded, state, late)
+        box = [value + arb(0, BOX) for value in state]
+        rate = recorded.right_side.run(BallAlgebra(), box)[system.dimension - 1]
+        return state[-1] + arb(0, (late * abs(rate)).abs_upper())
+
+
+@dataclass(frozen=True, slots=True)
+class Precessing:
+    """The six variables and ψ1, the azimuth of the first axis."""
+
+    motion: EulerPoisson
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables."""
+        return 7
+
+    def right_side(self, algebra: Algebra[T], state: Sequence[T]) -> Sequence[T]:
+        """Return f(y) and (q g2 + r g3)/(g2² + g3²)."""
+        add, times = algebra.add, algebra.multiply
+        _, q, r, _, g2, g3 = state[:6]
+        rate = algebra.divide(add(times(q, g2), times(r, g3)), add(times(g2, g2), times(g3, g3)))
+        return (*self.motion.right_side(algebra, state[:6]), rate)
+
+
+def return_time(body: RigidBody, potential: Tape, start: Start, about: float, within: float) -> arb:
+    """Return the period of a motion that is known to close within so much of a time.
+
+    The variable that changes fastest there comes back to its first value at the period: a zero of a function
+    of time that is monotone on the whole interval, enclosed by Newton's method.
+
+    Raises
+    ------
+    CertifiedUnavailableError
+        It is not known to be monotone there.
+    """
+    system = EulerPoisson(body, potential)
+    recorded = record(system)
+    time, half = Fraction(about), Fraction(within)
+    for _ in range(NEWTON_TRIES):
+        found = enclose(system, start, [time, time + half], CLOSE_BITS)
+        trajectory = found.forward
+        assert trajectory is not None
+        with ctx.workprec(found.precision):
+            first, here = start(), found.states[0]
+            over = trajectory.over(time - half, time + half)
+            rates = recorded.right_side.run(BallAlgebra(), over)
+            fastest = max(rates, key=lambda name: float(abs(rates[name]).lower()))
+            if not abs(rates[fastest]) > 0:
+                break
+            zero = ball(time) - (here[fastest] - first[fastest]) / rates[fastest]
+            if not zero.overlaps(arb(ball(time), ball(half))):
+                break
+            if zero.rad() < arb(2) ** (8 - CLOSE_BITS) * abs(zero):
+                return zero
+            time = _rational(zero)
+            half = Fraction(upper(zero.rad() * 2))
+    raise CertifiedUnavailableError("it is not known to close there")
+
+
+def _tolerance(problem: Problem) -> float:
+    """Return the error that doubles may reach: that of the tier standard where balls are asked for."""
+    is_proven = problem.accuracy.tier == "certified"
+    return TIER_TOLERANCES["standard"] if is_proven else problem.tolerance
+
+
+def proven_stability(turn: ProvenTurn, tolerance: float) -> Stability:
+    """Return the stability that the trace tells, and until when doubles reach ``tolerance``."""
+    hi = float(turn.period)
+    period = Period(hi, 0.0, float(abs(turn.period - hi).abs_upper()), "theorem")
+    value = float(turn.trace.mid())
+    error = math.nextafter(float(abs(turn.trace - arb(value)).abs_upper()), math.inf)
+    found = of_trace(value, error, period, trusted_periods(turn, tolerance))
+    return replace(found, proof="theorem", enclosed=turn.trace)
+
+
+def trusted_periods(turn: ProvenTurn, tolerance: float) -> float | None:
+    r"""Return how long roundings, carried on by Φ(T), stay below ``tolerance``, as :func:`.trusted_time`.
+
+    Σ ‖Φ^k‖ is summed one by one for SINGLY periods, and from then on by halves of what is twice as long.
+    """
+    period = float(turn.period)
+    frequency = 2.0 * math.pi / period
+    units = np.array([max(1.0, frequency)] * 3 + [1.0] * 3)
+    matrix = turn.matrix * units / units[:, None]
+    size = UNIT_ROUNDOFF * max(1.0, turn.speed / frequency) * max(1.0, frequency) * turn.excursion
+    total, power, before = 0.0, np.eye(6), 0.0
+    for n in range(SINGLY):
+        before, total = total, total + float(np.linalg.norm(power))
+        if not size * total < tolerance:
+            share = 0.0 if n == 0 else _share(size * before, size * total, tolerance)
+            return period * max(0.0, n - 1 + share)
+        power = power @ matrix
+    n = SINGLY
+    with np.errstate(all="ignore"):
+        while n < MOST_PERIODS:
+            later = power @ power
+            mean = 0.5 * float(np.linalg.norm(power) + np.linalg.norm(later))
+            before, total = total, total + n * mean
+            if not size * total < tolerance:
+                return float(period * n * 2.0 ** _share(size * before, size * total, tolerance))
+            power, n = later, 2 * n
+    return None
+
+
+def _share(before: float, after: float, tolerance: float) -> float:
+    """Return where between two errors the tolerance is, in logarithms."""
+    if not (before > 0.0 and math.isfinite(after)):
+        return 0.0
+    return math.log(tolerance / before) / math.log(after / before)
+
+
+def _growth(recorded: Recorded, state: Sequence[arb], late: arb) -> float:
+    """Return a bound of the rows of |Ψ − 1| over a time ``late`` from a state, in any order of entries."""
+    box = [value + arb(0, BOX) for value in state]
+    rates = recorded.right_side.run(BallAlgebra(), box).values()
+    if not all(abs(rate) * late < BOX / 2 for rate in rates):
+        raise CertifiedUnavailableError("its period is not known well enough to tell its multipliers")
+    slopes = recorded.jacobian.run(BallAlgebra(), box).values()
+    whole = sum((arb(slope.abs_upper()) for slope in slopes), arb(0))
+    return upper((late * whole).expm1())
+
+
+def _on_the_way(trajectory: ProvenTrajectory, last: FloatArray) -> tuple[float, float]:
+    """Return the largest norm of the derivative on the way, in parts of the ends', and the largest |ω|."""
+    starts = [stretch.start for stretch in trajectory.stretches]
+    widest = max(float(np.linalg.norm(start.flow, 2)) for start in starts)
+    speeds = [math.hypot(*(float(value) for value in start.middle[:3])) for start in starts]
+    return max(1.0, widest / max(1.0, float(np.linalg.norm(last, 2)))), max(speeds)
+
+
+def _rational(value: arb, bits: int = TIME_BITS) -> Fraction:
+    with ctx.workprec(bits):
+        mantissa, exponent = (value.mid() + 0).mid().man_exp()
+    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
