@@ -127,8 +127,8 @@ MOTIONS = """## Motions of every sort, attitudes and multipliers
 
 The first {done} motions of the seed {seed}, in {minutes:.0f} minutes at low priority beside other work,
 numerics {numerics}. Chaotic: any body in a field with linear, quadratic and cubic terms, from any state, up
-to t = {latest:.0f}. Near upright: tops of every spin from half to twice the critical one, from 1e-3 of the
-vertical on. Fast spin: up to {fastest:.0e}, for {radians:.0f} radians. Nearly singular: a wall of the size
+to t = {latest:.0f}. Near upright: tops of any spin up to twice the critical one, from 1e-3 of the vertical
+on. Fast spin: up to {fastest:.0e}, for {radians:.0f} radians. Nearly singular: a wall of the size
 1e-6 to 0.1 over a power of one γ, which the motion runs against. Moments nearly equal to 1e-12, or apart by
 up to 1e6. Planar: the attitude of motions with three terms, over two periods. Classical: all cases, with
 random bodies and phases. All of these with their attitude: the smaller bounds of ω and γ, of the quaternion
@@ -136,7 +136,7 @@ and of each angle are compared one by one. Multipliers: of planar motions with t
 the triangle inequalities. References are series in integers of 160 bits (`tests/support/fixed_point.py`),
 for attitudes with q' = q ω / 2, for multipliers with the equations of variation of all six variables, from
 the exact state, or a proven one of 150 bits; of the classical cases from the state that the service places.
-Samples are those of a job, documents and all.
+Samples are those of a job, documents and all; what takes more than 10 s of processor time is stopped.
 
 | tier | kind | asked | solved | refused | exceeded | smallest | median | seconds |
 | --- | --- | --- | --- | --- | --- | --- | --- | --- |"""

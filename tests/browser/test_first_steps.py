@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.support.browser import Site, Watched, barriers, save_first_figure, settle
+from tests.support.effort import seldom
 from tests.support.serving import serving
 
 MOST_CLICKS = 8
@@ -34,36 +35,36 @@ def stored(site: Site) -> list[str]:
     ]
 
 
-def test_each_tour_goes_to_its_end_and_leaves_nothing_behind(newcomer):
-    for title, last, count in (
-        ("Judge", "atlas-section", 4),
-        ("Compute", "downloads", 5),
-        ("Sweep", "downloads", 4),
-    ):
-        page = newcomer.open("")
-        settle(page)
-        assert page.locator(".hero + #begin").count() == 1  # nothing is there: how to begin stands first
-        card = page.locator("#begin li", has_text=title)
-        card.get_by_role("button", name="Take the tour").click()
-        tour = page.get_by_role("complementary", name=f"Tour: {title}")
-        for step in range(1, count + 1):
-            expect(tour).to_contain_text(f"{step} of {count}")
-            expect(page.locator(".toured")).to_have_count(1)
-            if step < count:
-                tour.get_by_role("button", name="Next").click()
-        expect(page.locator(f"#{last}.toured")).to_be_visible()
-        assert title == "Judge" or barriers(page) == []
-        assert bool(stored(newcomer.site)) == (title != "Judge")
-        tour.get_by_role("button", name=re.compile("^End the tour")).click()
-        page.wait_for_url(newcomer.site.address + "/")
-        assert stored(newcomer.site) == []
+@pytest.mark.parametrize(
+    ("title", "last", "count"),
+    [("Sweep", "downloads", 4), *seldom(("Judge", "atlas-section", 4), ("Compute", "downloads", 5))],
+)
+def test_a_tour_goes_to_its_end_and_leaves_nothing_behind(newcomer, title, last, count):
+    before = stored(newcomer.site)
+    page = newcomer.open("")
+    settle(page)
+    # Where nothing is stored, how to begin stands first.
+    assert page.locator(".hero + #begin").count() == (not before)
+    card = page.locator("#begin li", has_text=title)
+    card.get_by_role("button", name="Take the tour").click()
+    tour = page.get_by_role("complementary", name=f"Tour: {title}")
+    for step in range(1, count + 1):
+        expect(tour).to_contain_text(f"{step} of {count}")
+        expect(page.locator(".toured")).to_have_count(1)
+        if step < count:
+            tour.get_by_role("button", name="Next").click()
+    expect(page.locator(f"#{last}.toured")).to_be_visible()
+    assert title == "Judge" or barriers(page) == []
+    assert len(stored(newcomer.site)) - len(before) == {"Judge": 0, "Compute": 2, "Sweep": 1}[title]
+    tour.get_by_role("button", name=re.compile("^End the tour")).click()
+    page.wait_for_url(newcomer.site.address + "/")
+    assert stored(newcomer.site) == before
     expect(page.locator("#tour")).to_have_count(0)
 
 
 def test_from_the_empty_database_to_a_saved_picture_of_a_sweep(newcomer):
     page = newcomer.open("")
     settle(page)
-    assert stored(newcomer.site) == []
     saved, clicks = save_first_figure(page)
     assert clicks <= MOST_CLICKS
     content = saved.path().read_text(encoding="utf-8")

@@ -41,6 +41,9 @@ def test_a_key_is_typed_once_and_kept_in_the_tab_only(context, guarded):
     page.keyboard.press("Enter")
     expect(page.locator("#status")).to_contain_text("Waiting")
     settle(page)
+    expect(page.locator("#workers")).to_have_text(
+        "No worker: nothing will be computed. Start one: polhode worker."
+    )
     tab.open("solutions")  # another page of the same tab: nobody is asked again
     settle(page)
     expect(dialog).to_be_hidden()

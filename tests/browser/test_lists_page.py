@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.support.browser import HOSTILE, barriers, problem, settle
+from tests.support.effort import seldom
 
 UNPROVABLE = {
     **problem("first"),
@@ -205,7 +206,7 @@ def test_chosen_rows_are_compared_saved_sent_again_and_deleted(tab):
     assert {item["id"] for item in service.call("GET", "/v1/solutions").document["items"]} == before
 
 
-@pytest.mark.parametrize("name", ["solutions", "jobs", "sweeps"])
+@pytest.mark.parametrize("name", ["sweeps", *seldom("solutions", "jobs")])
 def test_examples_of_questions_are_answered_and_what_is_refused_can_be_taken_away(tab, name):
     page = tab.open(name)
     settle(page)
@@ -226,7 +227,7 @@ def test_examples_of_questions_are_answered_and_what_is_refused_can_be_taken_awa
     tab.faults[:] = [fault for fault in tab.faults if not fault.startswith("422 ")]
 
 
-@pytest.mark.parametrize("what", ["solution", "sweep"])
+@pytest.mark.parametrize("what", ["sweep", *seldom("solution")])
 def test_what_is_not_there_has_a_page_that_leads_to_its_list(tab, what):
     page = tab.open(f"{what}?id=019f0000-0000-7000-8000-000000000001")
     expect(page.locator("h1")).to_have_text(f"There is no such {what}")

@@ -86,6 +86,7 @@ def _numbers(document: Part) -> Document:
     wanted = [Target(each.of, partial(_number, each.equals)) for each in asked.wanted if each.of != "trace"]
     if family is None or len(wanted) < len(asked.wanted):
         return _answer(asked, _seen_solutions(asked, is_late), [whole], "possible")
+    wanted.sort(key=lambda each: each.of == "period")
     question = FamilySearch(family, asked.problem_at, wanted, is_late)
     if not _is_admissible(asked, problem):
         return _answer(asked, search(question, whole).solutions, [whole], "possible")

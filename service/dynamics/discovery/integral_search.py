@@ -40,6 +40,7 @@ from service.dynamics.discovery.strata import (
     special_strata,
 )
 from service.dynamics.formula.tree import VARIABLES
+from service.dynamics.potentials.terms.bound_formula import MOMENTS
 
 MAX_UNKNOWNS = 3000
 """Coefficients of one search."""
@@ -284,12 +285,25 @@ class _Search:
                     return
                 found.append((stratum, SpecialIntegrals(texts, tuple(integrals))))
                 yield found[-1][1]
-            # Moments and coefficients may be multiplied by one number: with one letter left it is one case.
-            is_one_case = len(stratum.conditions) + 1 >= self.letters.ring.nvars()
             is_new = not any(texts == each.conditions for _, each in found)
-            if stratum.unresolved is not None and is_new and (has_more or not is_one_case):
+            if stratum.unresolved is not None and is_new and (has_more or not self._is_one_case(stratum)):
                 found.append((stratum, SpecialIntegrals(texts, (), is_resolved=False)))
                 yield found[-1][1]
+
+    def _is_one_case(self, stratum: Stratum) -> bool:
+        """Whether all of an unresolved stratum is known by one point: conjugate values, or equal moments.
+
+        Moments may be multiplied by any number, which changes the time alone: two of them with a given
+        ratio are one case. A coefficient that is left may be 0, which would be a case of its own.
+        """
+        solved = {each.index for each in stratum.substitutions}
+        free = set(range(self.letters.ring.nvars())) - solved
+        condition = stratum.unresolved
+        if len(free) == 1 or condition is None:
+            return True
+        degrees = {sum(map(int, exponents)) for exponents in condition.monoms()}
+        is_ray = len(free) == 2 and free <= self.letters.positive and len(degrees) == 1
+        return is_ray and set(MOMENTS) <= set(self.field.setting.letters)
 
     def _order(self, place: int) -> tuple[int, int, int]:
         monomial = self.monomials[place]

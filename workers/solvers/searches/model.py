@@ -34,7 +34,7 @@ LINES = (0.7, 0.4)
 """Shares of the height of the strip, where the time at the middle is proved to be analytic, that η has."""
 COARSE = 34
 """Bits of values on the way."""
-STRIPS = (0.5, 0.2)
+STRIPS = (0.5, 0.2, 0.08)
 """Half widths of the strips that are tried about a whole turn."""
 CELLS, MOST_CELLS = 16, 512
 """Cells of a half turn at first, and at most."""
@@ -48,7 +48,9 @@ STEP = Fraction(1, 2**9)
 Numbers = Sequence[Fraction]
 Value = Callable[[Numbers, int], arb]
 """Encloses the function at a point, to about so many bits."""
-MotionAt = Callable[[Numbers, tuple[arb, arb] | None, int], IntegralMotion]
+Rate = Callable[[FamilyCurve, acb], acb]
+"""Returns what is integrated along v; not finite where it is not analytic on the ball."""
+MotionAt = Callable[[Numbers, tuple[arb, arb], int], IntegralMotion]
 """Returns the certified motion at a point, between such ends."""
 
 
@@ -70,6 +72,8 @@ class Slopes:
     gradient: tuple[arb, ...]
     squares: tuple[arb, ...]
     """Halves of the pure second derivatives."""
+    mixed: arb
+    """The mixed second derivative of two unknowns; 0 of one."""
     bound: arb
     radii: tuple[arb, ...]
 
@@ -77,7 +81,10 @@ class Slopes:
         """Return an enclosure of all values on the box with these half widths about the point."""
         shares, product = self._shares(half)
         rest = product - 1 - sum(shares, arb(0)) - sum((q * q for q in shares), arb(0))
-        total = self.value + arb(0, (self.bound * rest).abs_upper())
+        left_out = self.bound * rest
+        if len(half) > 1:
+            left_out += (abs(self.mixed) - self.bound / (self.radii[0] * self.radii[1])) * half[0] * half[1]
+        total = self.value + arb(0, left_out.abs_upper())
         for slope, square, r in zip(self.gradient, self.squares, half, strict=True):
             total += arb(0, (abs(slope) * r).upper()) + square * r * r * arb(0).union(arb(1))
         return total
@@ -87,8 +94,10 @@ class Slopes:
         shares, product = self._shares(half)
         found = []
         for k, (slope, q, R) in enumerate(zip(self.gradient, shares, self.radii, strict=True)):
-            rest = self.bound / R * (product / (1 - q) - 1 - 2 * q)
+            others = sum(shares, arb(0)) - q
+            rest = self.bound / R * (product / (1 - q) - 1 - 2 * q - others)
             change = 2 * abs(self.squares[k]) * half[k] + rest
+            change += abs(self.mixed) * (sum(half, arb(0)) - half[k])
             found.append(slope + arb(0, change.abs_upper()))
         return found
 
@@ -123,19 +132,27 @@ class BoundedFunction:
         """Return the derivatives at a point inside, from differences; values are known to so many bits."""
         radii = self.inside(at)
         value = self.value(at, bits)
-        gradient, squares = [], []
+        gradient, squares, aboves = [], [], []
         for k, R in enumerate(radii):
             step = R * STEP
             above, below = (
                 self.value([x + sign * step if j == k else x for j, x in enumerate(at)], bits)
                 for sign in (1, -1)
             )
+            aboves.append(above)
             # What the differences leave out are the terms of the series from the third, and the fourth, on.
             q, d, M = ball(STEP), ball(step), self.bound
             left_out = M * q**2 / (1 - q**2)
             gradient.append((above - below) / (2 * d) + arb(0, (left_out / ball(R)).upper()))
             squares.append(((above + below) / 2 - value) / d**2 + arb(0, (left_out / ball(R) ** 2).upper()))
-        return Slopes(value, tuple(gradient), tuple(squares), self.bound, tuple(ball(each) for each in radii))
+        mixed = arb(0)
+        if len(radii) > 1:
+            corner = self.value([x + R * STEP for x, R in zip(at, radii, strict=True)], bits)
+            area, q = ball(radii[0] * radii[1]), ball(STEP)
+            left_out = (self.bound / area * (1 / (1 - q) ** 2 - 1)).upper()
+            mixed = (corner - aboves[0] - aboves[1] + value) / (area * q * q) + arb(0, left_out)
+        wide = tuple(ball(each) for each in radii)
+        return Slopes(value, tuple(gradient), tuple(squares), mixed, self.bound, wide)
 
 
 def energy_model(family: ProblemFamily, side: int, centre: Numbers, radii: Numbers) -> BoundedFunction:
@@ -151,12 +168,9 @@ def period_model(
     family: ProblemFamily, window: FamilyWindow, motion_at: MotionAt, centre: Numbers, radii: Numbers
 ) -> BoundedFunction:
     """Return the period of all six variables; raises PrecisionNeededError where it is not bounded."""
-    around = FamilyCurve(family, polydisc(centre, radii), window.side)
     if window.ends is None:
-        mean = _mean(lambda theta: rotation_rate(around, theta), 0.0, 0.0)
-        return _model(
-            lambda at, bits: motion_at(at, None, bits).period, centre, radii, 4 * arb.pi() * arb(mean)
-        )
+        return _of_rotation(family, window.side, rotation_rate, centre, radii)
+    around = FamilyCurve(family, polydisc(centre, radii), window.side)
     ends = real_ends(_at(family, centre, window.side), window.ends)
     # At the middle the line may take the place of the real axis.
     strip = motion_at(centre, (ends[0].real, ends[1].real), COARSE).strip
@@ -195,23 +209,29 @@ def precession_model(
     """Return the advance of ψ of the primed first axis in a turn, for s g1 g3 > 0: 0 in a libration."""
     if window.ends is not None:
         return _model(lambda _, __: arb(0), centre, radii, arb(1))
-    around = FamilyCurve(family, polydisc(centre, radii), window.side)
+    return _of_rotation(family, window.side, sweep, centre, radii)
+
+
+def _of_rotation(
+    family: ProblemFamily, side: int, rate: Rate, centre: Numbers, radii: Numbers
+) -> BoundedFunction:
+    """Return the integral of a rate round the loop, by the trapezoidal rule: its error is from a strip."""
+    around = FamilyCurve(family, polydisc(centre, radii), side)
     for height in STRIPS:
-        mean = _mean(lambda theta: sweep(around, theta), -height, height)
+        # Cells are of half a turn: v goes round the whole loop.
+        mean = _mean(lambda theta: rate(around, 2 * theta), -height / 2, height / 2)
         if mean < inf:
-            bound = 4 * arb.pi() * arb(mean)
-            return _model(_of_turn(family, window.side, height, bound), centre, radii, bound)
-    raise PrecisionNeededError("a precession")
+            bound = 2 * arb.pi() * arb(mean)
+            return _model(_of_turn(family, side, rate, height, bound), centre, radii, bound)
+    raise PrecisionNeededError("a rotation")
 
 
-def _of_turn(family: ProblemFamily, side: int, height: float, bound: arb) -> Value:
-    """Return the integral of :func:`sweep` by the trapezoidal rule, with its error from the strip."""
-
+def _of_turn(family: ProblemFamily, side: int, rate: Rate, height: float, bound: arb) -> Value:
     def value(at: Numbers, bits: int) -> arb:
         curve = _at(family, at, side)
         count = ceil(bits * log(2.0) / height)
         step = 2 * arb.pi() / count
-        total = sum((sweep(curve, acb((k + arb(0.5)) * step)).real for k in range(count)), arb(0))
+        total = sum((rate(curve, acb((k + arb(0.5)) * step)).real for k in range(count)), arb(0))
         return total * step + arb(0, (2 * bound / ((arb(height) * count).exp() - 1)).upper())
 
     return value

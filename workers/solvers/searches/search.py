@@ -167,17 +167,13 @@ class _Search:
                 found.append(self._precession(condition.of, window, centre, radii))
         return found
 
-    def _motion_at(self, arc: Arc, at: Numbers, ends: tuple[arb, arb] | None, bits: int) -> IntegralMotion:
+    def _motion_at(self, arc: Arc, at: Numbers, ends: tuple[arb, arb], bits: int) -> IntegralMotion:
         problem = self._question.problem_at(at)
         assert isinstance(problem.motion, PlanarMotion)
         loop = make_loop(problem.body, problem.potential, problem.motion)
-        here = replace(arc, loop=loop)
-        if ends is not None:
-            here = replace(here, lower=ends[0].mid(), upper=ends[1].mid())
+        here = replace(arc, loop=loop, lower=ends[0].mid(), upper=ends[1].mid())
         # The period is the same from every start.
-        start = here.lower if ends is not None else arc.lower
-        direction = 0 if ends is not None else 1
-        return integral_motion(StartingPoint(here, start, direction), bits)
+        return integral_motion(StartingPoint(here, here.lower, 0), bits)
 
     def _precession(self, of: Of, window: FamilyWindow, centre: Numbers, radii: Numbers) -> BoundedFunction:
         family = self._question.family
@@ -212,6 +208,7 @@ class _Search:
             half = [ball((high - low) / 2) for low, high in leaf]
             slopes = list[Slopes]()
             for model, condition in zip(models, self._question.conditions, strict=True):
+                # The first ones take least time.
                 slopes.append(model.slopes(middle, COARSE))
                 if not slopes[-1].range_on(half).overlaps(condition.equals()):
                     break

@@ -14,7 +14,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TypeVar
 
 import numpy as np
 from flint import arb, ctx
@@ -22,7 +21,6 @@ from numpy.typing import NDArray
 
 from service.dynamics.accuracy import TIER_TOLERANCES
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.tape import Tape
 from service.dynamics.problem import Problem
@@ -31,14 +29,13 @@ from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.certified.validated.enclose import ProvenTrajectory, Start, enclose
 from workers.solvers.certified.validated.step import UPWARDS, upper
-from workers.solvers.certified.validated.system import EulerPoisson, Recorded, record
+from workers.solvers.certified.validated.system import EulerPoisson, Recorded, TurningBody, record
 from workers.solvers.classical.curve import Curve
 from workers.solvers.classical.solve import place_motion
 from workers.solvers.stability.assessment import Stability, of_trace
 from workers.solvers.stability.monodromy import StabilityUndefinedError
 
 FloatArray = NDArray[np.float64]
-T = TypeVar("T")
 Origin = tuple[RigidBody, Start]
 """A body with all its moments, and balls of its state at t = 0."""
 
@@ -152,7 +149,7 @@ def proven_precession(
 ) -> tuple[arb, arb] | None:
     """Return what ψ1 and ψ3 of a planar motion gain in a period, enclosed; None where that is not to be had.
 
-    ψ1 is integrated as a seventh variable. The two differ by a whole turn, in the sense of the estimates
+    ψ1 is integrated beside the motion. The two differ by a whole turn, in the sense of the estimates
     ``about`` them (:mod:`workers.solvers.orientation.advance`).
     """
     if about == (0.0, 0.0):
@@ -172,8 +169,9 @@ def proven_precession(
 
 
 def _first_angle(motion: EulerPoisson, start: Start, period: arb, bits: int) -> arb:
-    system, time = Precessing(motion), _rational(period, bits + TIME_BITS)
-    found = enclose(system, lambda: [*start(), arb(0)], [time], bits)
+    system, time = TurningBody(motion, axes=(0,)), _rational(period, bits + TIME_BITS)
+    attitude = arb(1), arb(0), arb(0), arb(0)
+    found = enclose(system, lambda: [*start(), *attitude, arb(0)], [time], bits)
     with ctx.workprec(found.precision):
         late = arb(abs(period - ball(time)).abs_upper())
         recorded, state = record(system), found.states[0]
@@ -181,25 +179,6 @@ def _first_angle(motion: EulerPoisson, start: Start, period: arb, bits: int) -> 
         box = [value + arb(0, BOX) for value in state]
         rate = recorded.right_side.run(BallAlgebra(), box)[system.dimension - 1]
         return state[-1] + arb(0, (late * abs(rate)).abs_upper())
-
-
-@dataclass(frozen=True, slots=True)
-class Precessing:
-    """The six variables and ψ1, the azimuth of the first axis."""
-
-    motion: EulerPoisson
-
-    @property
-    def dimension(self) -> int:
-        """Number of variables."""
-        return 7
-
-    def right_side(self, algebra: Algebra[T], state: Sequence[T]) -> Sequence[T]:
-        """Return f(y) and (q g2 + r g3)/(g2² + g3²)."""
-        add, times = algebra.add, algebra.multiply
-        _, q, r, _, g2, g3 = state[:6]
-        rate = algebra.divide(add(times(q, g2), times(r, g3)), add(times(g2, g2), times(g3, g3)))
-        return (*self.motion.right_side(algebra, state[:6]), rate)
 
 
 def return_time(body: RigidBody, potential: Tape, start: Start, about: float, within: float) -> arb:

@@ -1,0 +1,101 @@
+"""Searches of numbers: what theory and certified periods say must be found, enclosed, and nothing else."""
+
+import json
+from fractions import Fraction
+
+import pytest
+from flint import arb, ctx
+
+from service.schemas.study.reading import read_search
+from service.storage.codecs.packing import decode_document
+from workers.computation.studies import family_of, study_document
+from workers.solvers.certified.certify import certify
+from workers.solvers.searches.search import FamilySearch, Target, _Search
+
+HEAVY = {"type": "expression", "expression": "a*g1", "parameters": {"a": -1}}
+ROUND = {"body": {"A": 2, "C": 1}, "potential": HEAVY, "motion": {"type": "planar", "lambda": 1}}
+"""Bobylev's and Steklov's case, whose motion goes round the loop through both poles."""
+SWINGING = {**ROUND, "potential": {"type": "expression", "expression": "-g1 + 1/(20*g3^2)"}}
+PERIOD = "6.432310535121612579869958267408499"
+"""T for a = −1, C = 1, λ = 1, to 33 digits (theory 2.4)."""
+
+
+def found(base, unknowns, wanted):
+    asked = {
+        "base": base,
+        "unknowns": [{"pointer": pointer, "interval": list(ends)} for pointer, ends in unknowns.items()],
+        "wanted": [{"of": of, "equals": equals} for of, equals in wanted.items()],
+    }
+    read_search(asked)
+    return decode_document(study_document(json.dumps({"what": "numbers", **asked})).data)
+
+
+def only_one(answer, **expected):
+    """Check that there is one solution, proved, whose radii have the expected numbers inside."""
+    (solution,) = answer["solutions"]
+    assert solution["proof"] == "proved"
+    for name, (value, error) in expected.items():
+        (told,) = (each for pointer, each in solution["values"].items() if pointer.endswith(f"/{name}"))
+        off = abs(Fraction(told["value"]) - value)
+        # What is expected is known to so many digits itself.
+        assert off <= Fraction(told["radius"]) + error
+        assert Fraction(told["radius"]) < Fraction(1, 10**18)
+
+
+def test_a_parameter_with_a_given_period_is_enclosed():
+    # T is a multiple of (−a)^(−1/2): 33 digits of T are as many of a.
+    answer = found(ROUND, {"/potential/parameters/a": ("-21/20", "-19/20")}, {"period": PERIOD})
+    only_one(answer, a=(-1, Fraction(1, 10**32)))
+    # That no other window appears is proved along λ only.
+    assert answer["rest"] == "undecided"
+
+
+def test_lambda_with_a_given_period_is_enclosed_and_the_rest_is_empty():
+    answer = found(SWINGING, {"/motion/lambda": ("49/50", "51/50")}, {"period": "6.34007793723281"})
+    # The 15 digits are those of theory 1.6; dT/dλ = −1.6.
+    only_one(answer, **{"lambda": (1, Fraction(1, 10**14))})
+    assert (answer["rest"], answer["undecided"]) == ("proved_empty", [])
+    nothing = found(SWINGING, {"/motion/lambda": ("49/50", "51/50")}, {"period": 7})
+    assert (nothing["solutions"], nothing["rest"]) == ([], "proved_empty")
+
+
+def test_two_unknowns_with_a_given_period_and_energy_are_enclosed():
+    unknowns = {"/motion/lambda": ("99/100", "101/100"), "/potential/parameters/a": ("-101/100", "-99/100")}
+    # h = −a λ²/2 (theory 2.4).
+    answer = found(ROUND, unknowns, {"period": PERIOD, "energy": "1/2"})
+    only_one(answer, **{"lambda": (1, Fraction(1, 10**31)), "a": (-1, Fraction(1, 10**31))})
+
+
+def test_a_precession_that_is_wanted_is_that_of_a_solution():
+    # Δψ1 in a full period for nu = λ² = 1 (theory 7).
+    wanted = {"precession.psi1": "3.61050523508724966610354854487"}
+    answer = found(ROUND, {"/motion/lambda": ("99/100", "101/100")}, wanted)
+    only_one(answer, **{"lambda": (1, Fraction(1, 10**28))})
+    assert answer["rest"] == "proved_empty"
+
+
+@pytest.mark.parametrize("base", [ROUND, SWINGING], ids=["round", "swinging"])
+def test_certified_periods_lie_within_what_is_bounded(base):
+    """On a box about λ = 1, by elliptic functions, which the bounds do not use."""
+    unknown = {"pointer": "/motion/lambda", "interval": ["19/20", "21/20"]}
+    asked = read_search({"base": base, "unknowns": [unknown], "wanted": [{"of": "energy", "equals": 0}]})
+    problem = asked.problem_at([Fraction(1)])
+    question = FamilySearch(family_of(asked, problem), asked.problem_at, [Target("period", arb)], bool)
+    with ctx.workprec(96):
+        ((window, arc),) = _Search(question, ((Fraction(19, 20), Fraction(21, 20)),))._windows([Fraction(1)])
+        search = _Search(question, ((Fraction(19, 20), Fraction(21, 20)),))
+        (model,) = search._models(window, arc, [Fraction(1)], [Fraction(1, 50)])
+        slopes = model.slopes([Fraction(1)], 40)
+        within = slopes.range_on([arb(1) / 200])
+        slope = slopes.gradient_on([arb(1) / 200])[0]
+    before = None
+    for k in range(-4, 5):
+        at = 1 + Fraction(k, 800)
+        there = asked.problem_at([at])
+        period = certify(there.body, there.potential, there.motion, [], 96, methods=("elliptic",)).period
+        assert within.contains(period)
+        assert period < model.bound
+        if before is not None:
+            # The mean value theorem.
+            assert slope.overlaps((period - before) * 800)
+        before = period
