@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from service.schemas.replies.response_model import ENDS_IN_WORDS, STABILITY_IN_WORDS
 from tests.support.browser import Watched, address, problem, settle
 from tests.support.effort import seldom
 
@@ -30,6 +31,14 @@ FRAMES = """async ([columns, module]) => {
 }"""
 
 
+WORDS = "async (module) => { const {ENDS, STABILITY} = await import(module); return [ENDS, STABILITY]; }"
+
+
+def module_of(tab: Watched, name: str) -> str:
+    script = tab.page.locator("head script[type=module]").get_attribute("src")
+    return f"{tab.site.address}/{script.replace('solution.js', name)}"
+
+
 def matrices(quaternions: np.ndarray) -> np.ndarray:
     """Return the rotations from the body into space, shape (n, 3, 3)."""
     w, x, y, z = np.asarray(quaternions).T
@@ -46,8 +55,7 @@ def test_attitudes_from_the_angular_velocity_are_those_of_the_service(tab):
     solution, _ = tab.site.service.solve(ORIENTED)
     page = tab.open(f"solution?id={solution['id']}")
     settle(page)
-    script = page.locator("head script[type=module]").get_attribute("src")
-    module = f"{tab.site.address}/{script.replace('solution.js', 'body.js')}"
+    module = module_of(tab, "body.js")
     off = []
     for count in (200, 400, 800):
         path = f"/v1/solutions/{solution['id']}/trajectory?start=0&stop=20&samples={2 * count + 1}"
@@ -165,5 +173,8 @@ def test_one_error_has_one_name_and_says_what_it_is_of(tab):
     expect(facts).to_contain_text(f"Double precision keeps 1 × 10⁻{exponent} until")
     expect(facts).to_contain_text("passes a pole, crosses the equator")
     expect(page.locator("#multipliers svg text")).to_contain_text(["1", "−1", "i", "−i"])
+    # The words are those of the API and of the command line.
+    words = page.evaluate(WORDS, module_of(tab, "core.js"))
+    assert words == [dict(ENDS_IN_WORDS), dict(STABILITY_IN_WORDS)]
     titles = json.loads(page.evaluate("JSON.stringify(document.getElementById('series').layout.annotations)"))
     assert [(title["text"], title.get("textangle", 0)) for title in titles] == [("ω", 0), ("γ", 0)]

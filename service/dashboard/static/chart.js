@@ -46,7 +46,8 @@ function uprightNames(axes, layout, ink) {
   const named = Object.entries(axes).filter(([name, axis]) => name.startsWith("y") && axis.title.text && axis.title.text.length <= SYMBOL);
   const names = named.map(([name, { title, anchor }]) => ({ text: title.text, xref: `${anchor ?? "x"} domain`, yref: `${name.replace("axis", "")} domain`, x: 0, y: 1, xshift: -8, yshift: 4,
     xanchor: "right", yanchor: "bottom", showarrow: false, font: { size: 14, color: ink } }));
-  return { ...layout, ...axes, ...Object.fromEntries(named.map(([name, axis]) => [name, { ...axis, title: { text: "" } }])), annotations: [...(layout.annotations ?? []), ...names] };
+  // Above the highest panel there is room for a name.
+  return { margin: { l: 72, r: 14, t: named.length ? 30 : 10, b: 44 }, ...layout, ...axes, ...Object.fromEntries(named.map(([name, axis]) => [name, { ...axis, title: { text: "" } }])), annotations: [...(layout.annotations ?? []), ...names] };
 }
 
 function dressed(layout, { ink, soft, line }) {
@@ -55,7 +56,7 @@ function dressed(layout, { ink, soft, line }) {
     .map((name) => [name, { ...axis, ...layout[name], title: { ...axis.title, ...layout[name]?.title } }]));
   return {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", autosize: true,
-    font: { family: "system-ui, sans-serif", size: 12, color: ink }, margin: { l: 72, r: 14, t: 10, b: 44 },
+    font: { family: "system-ui, sans-serif", size: 12, color: ink },
     legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, hoverlabel: { font: { family: "system-ui, sans-serif" } }, ...uprightNames(axes, layout, ink),
   };
 }

@@ -269,11 +269,14 @@ export function motionText(motion) {
   return motion.nu === undefined ? `planar, λ = ${motion.lambda}` : `planar, ν = ${motion.nu}`;
 }
 
-/** What a motion does at an end of its range, in words; the glossary of the documentation has the same ones. */
+/** What a motion does at an end of its range, in the words of the API and the glossary. */
 export const ENDS = {
   rest: "turns at rest", equator: "crosses the equator", pole: "passes a pole", equilibrium: "tends to an equilibrium", standstill: "comes to a standstill",
   collision: "runs into a collision", edge: "reaches the edge of the domain",
 };
+
+/** What a motion is against leaving its plane. */
+export const STABILITY = { stable: "linearly stable", unstable: "linearly unstable", marginal: "not decided by the linear equation" };
 
 export const bodyText = (body) => ["A", "B", "C"].filter((name) => body[name] != null).map((name) => `${name} = ${body[name]}`).join(", ");
 

@@ -1,6 +1,6 @@
 // Pictures that leave the page: SVG, PNG and PDF at the width of a journal, GIF and WebM of what moves.
 // They are drawn anew in the light colours on white, whatever the theme of the page is.
-import { h } from "./core.js";
+import { h, save } from "./core.js";
 
 const DPI = 600;
 const PIXELS = 96; // of an inch, in style sheets
@@ -224,8 +224,5 @@ const WRITERS = {
 
 /** Save a picture as a file. ``names``: of the page, of what it shows, of the picture; ``progress(share)`` hears how far it is. */
 export async function saved(place, kind, names, progress) {
-  const content = await WRITERS[kind](place, names[0], progress);
-  const link = h("a", { href: URL.createObjectURL(content), download: `polhode-${names.slice(1).filter(Boolean).join("-")}.${kind}` });
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+  save(await WRITERS[kind](place, names[0], progress), `polhode-${names.slice(1).filter(Boolean).join("-")}.${kind}`);
 }

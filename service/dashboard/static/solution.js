@@ -1,5 +1,5 @@
 // One solution: facts, samples of any stretch, curves, drifts, comparisons, provenance, files.
-import { $, ENDS, ago, asked, bodyText, copier, download, during, exact, fill, get, h, knownCases, measured, motionText, number, pause, potentialText, remember, run, troubleOf } from "./core.js";
+import { $, ENDS, STABILITY, ago, asked, bodyText, copier, download, during, exact, fill, get, h, knownCases, measured, motionText, number, pause, potentialText, remember, run, troubleOf } from "./core.js";
 import { centreOf, Clock, drawnBody, framesOf, momentsOf, multipliers, turningBody } from "./body.js";
 import { pointed } from "./chart.js";
 import { between, drifts, namesOf, overTime, phasePlane, samplesOf, SHOWN, stale } from "./series.js";
@@ -7,7 +7,6 @@ import { pointsOf, turnable } from "./sphere.js";
 
 const FORMATS = { json: "JSON", csv: "CSV", ndjson: "NDJSON", npz: "NPZ (NumPy)", arrow: "Arrow", parquet: "Parquet" };
 
-const STABILITY = { stable: "linearly stable", unstable: "linearly unstable", marginal: "not decided by the linear equation" };
 const ENDLESS = {
   separatrix: "on a separatrix: it approaches an equilibrium for ever", equilibrium: "an equilibrium: nothing moves",
   collision: "it runs into a singularity of the potential", pole: "it approaches a pole for ever",
