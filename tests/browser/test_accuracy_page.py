@@ -95,5 +95,5 @@ def test_the_workbench_tells_of_each_tier_what_it_costs_on_this_problem(tab):
     page = tab.open("workbench#" + quote(json.dumps(document)))
     page.reload()
     settle(page)
-    # The certified tier has planar motions only: the reason stands where its cost would.
-    expect(page.locator("#tiers [data-tier=certified]")).to_contain_text("needs the quadrature")
+    # Motions from states are proven by steps.
+    expect(page.locator("#tiers [data-tier=certified]")).to_contain_text("reaches")

@@ -125,7 +125,7 @@ def test_a_page_of_a_list_has_an_address_that_can_be_sent_to_others(tab, jobs):
 def test_a_failure_is_told_in_words_with_its_attempts(tab, jobs):
     page = tab.open("jobs?where=state=failed")
     settle(page)
-    row = page.locator("tbody tr", has_text="This motion cannot be enclosed")
+    row = page.locator("tbody tr", has_text="Missing moment")
     expect(row).to_contain_text(jobs["error"]["detail"])
     expect(row).to_contain_text(f"origin: {HOSTILE}")
     expect(row.locator(".note")).to_have_text(HOSTILE)

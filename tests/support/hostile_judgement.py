@@ -4,6 +4,7 @@ import json
 import signal
 import time
 from collections.abc import Callable
+from fractions import Fraction
 from functools import lru_cache
 from math import isfinite, nan
 from typing import Any
@@ -21,12 +22,15 @@ from tests.support.hostile_motions import BITS, TrueMotion, TrueWindow, motion_o
 from tests.support.hostile_reference import UnknownError
 from workers.computation.compiled_code import keep_compiled_code
 from workers.computation.compute import as_solved, certified_samples, solve
+from workers.solvers.certified.errors import CertifiedUnavailableError
 
 SAME = 1e-11
 """Ends of windows further apart are different; they are doubles near balls of 160 bits."""
 DIGITS = 50
 
 TIME_LIMIT = "time limit"
+PATIENCE = 5.0
+"""Seconds after which proven steps give up."""
 BOTH = " both"
 """After a tier: with a cross-check."""
 WAYS = ("draft", "standard", "high", "certified", "standard" + BOTH)
@@ -163,6 +167,17 @@ def window_agrees(true: Facts, found: Facts) -> bool:
     )
 
 
+def _patience() -> Callable[[Fraction], None]:
+    """Return what ends proven steps, as the limit of a job does: beside a narrow wall they are many."""
+    began = time.monotonic()
+
+    def watch(t: Fraction) -> None:
+        if time.monotonic() - began > PATIENCE:
+            raise CertifiedUnavailableError(f"it is proven until t = {float(t):.10g}", pointer="/time")
+
+    return watch
+
+
 def judged_tier(facts_json: str, tier: str) -> str:
     """Solve the motion in a tier: ``{code, claims: {name: [claimed, actual]}, faults}``."""
     motion = json.loads(facts_json)["motion"]
@@ -174,7 +189,7 @@ def judged_tier(facts_json: str, tier: str) -> str:
     try:
         found, certified = solve(problem), None
         if problem.accuracy.tier == "certified":
-            found, certified, _ = certified_samples(problem)
+            found, certified, _ = certified_samples(problem, watch=_patience())
     except DynamicsError as refusal:
         return json.dumps({"code": refusal.code, "claims": {}, "faults": []})
     with ctx.workprec(2 * BITS):

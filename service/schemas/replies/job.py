@@ -67,7 +67,7 @@ class JobPageOut(ResponseModel):
     )
 
 
-KindName = Literal["solve", "chunk", "atlas"]
+KindName = Literal["solve", "chunk", "atlas", "study"]
 KIND = "`solve`: of one problem; `chunk`: of a sweep; `atlas`: draws an atlas."
 
 

@@ -26,7 +26,7 @@ from service.storage.upkeep.retention import prune_samples
 from tests.support.api import NEEDED_QUERY, PLANAR, ask_again, solve_job
 from tests.support.keys import make
 from tests.support.sweeps import SWEEP, finish_sweep
-from workers.process.tasks import draw_atlas
+from workers.process.tasks import draw_atlas, study
 
 pytestmark = pytest.mark.any_database
 
@@ -43,6 +43,11 @@ ATLAS = {
     "lambda": [1, 2],
     "samples": 9,
 }
+STUDY = {
+    "body": {"A": 2, "B": 2, "C": 1},
+    "potential": {"type": "expression", "expression": "g1"},
+    "function": "(p^2 - q^2 - g1)^2 + (2*p*q - g2)^2",
+}
 ARRAYS = ("dense", "samples", "samples_if_kept")
 
 
@@ -56,6 +61,9 @@ def places(client, jobs):
     jobs.cancel(audit["id"])
     atlas = client.post("/v1/atlases", json=ATLAS, headers={"Prefer": "respond-async"}).json()
     assert jobs.finish(jobs.claim("test", lease_seconds=60.0), draw_atlas(json.dumps(ATLAS)))[0]
+    asked = client.post("/v1/integrals", json=STUDY, headers={"Prefer": "respond-async"}).json()
+    claim = jobs.claim("test", lease_seconds=60.0)
+    assert jobs.finish(claim, study(json.dumps(claim.payload)))[0]
     ids = {
         "audit_id": audit["id"],
         "atlas_id": atlas["id"],
@@ -67,7 +75,8 @@ def places(client, jobs):
         "name": "core.js",
     }
     return {
-        path: path.format(**ids) + NEEDED_QUERY.get(path, "")
+        path: path.format(**ids | ({"job_id": asked["id"]} if path.endswith("/result") else {}))
+        + NEEDED_QUERY.get(path, "")
         for path, roles in ACCESS.items()
         if "GET" in roles and not path.endswith("/events")
     }
@@ -117,9 +126,9 @@ def test_every_path_says_its_methods(client, places):
 
 def test_what_never_changes_is_kept_and_what_may_change_is_asked_for(client, places, jobs):
     endings = ("/trajectory", "/function", "/enclosures", "/points", "/grid", "/citation", "/package")
-    endings += ("/v1/atlases/{atlas_id}",)
+    endings += ("/v1/atlases/{atlas_id}", "/result")
     immutable = {path for path in places if path.endswith(endings)}
-    assert len(immutable) == 8
+    assert len(immutable) == 9
     for template, path in places.items():
         if template not in VOLATILE and not template.startswith("/docs"):
             expected = IMMUTABLE if template in immutable else REVALIDATE

@@ -30,17 +30,29 @@ from workers.process.results import JobLimits
 from workers.process.runner import Runner
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
+GRAVITY = {"body": {"A": 2, "B": 2, "C": 1}, "potential": {"type": "expression", "expression": "g1"}}
+# The route says what is asked, the file of a command does.
+SEARCH = json.loads((EXAMPLES / "search.json").read_text(encoding="utf-8"))
+del SEARCH["what"]
+STUDIES = {
+    "integrals": {**GRAVITY, "function": "p"},
+    "integrals/searches": {**GRAVITY, "degree": {"omega": 1, "gamma": 1}},
+    "potentials/searches": {"body": {"A": 2, "C": 1}, "degree": 1},
+    "searches": SEARCH,
+}
 BODIES = {
     "/v1/jobs": STATE,
     "/v1/validations": {"body": {"A": 2, "C": 1}, "potential": {"type": "gravity", "a": -1}},
     "/v1/atlases": json.loads((EXAMPLES / "atlas.json").read_text(encoding="utf-8")),
+    **{f"/v1/{path}": example for path, example in STUDIES.items()},
     "/v1/sweeps": json.loads((EXAMPLES / "sweep.json").read_text(encoding="utf-8")),
 }
 ROUTES = [(method, path) for path, roles in ACCESS.items() for method in roles if method != "HEAD"]
 PATHS_WITHOUT = {"/livez", "/openapi.json", "/v1/families", "/v1/validations", *PAGES}
 PATHS_WITHOUT |= {path for _, path in ROUTES if path.startswith(("/docs", "/static/page/"))}
-# To draw an atlas at once needs none; the list of those that jobs draw does.
-WITHOUT_DATABASE = {route for route in ROUTES if route[1] in PATHS_WITHOUT} | {("POST", "/v1/atlases")}
+# To draw an atlas, or to answer a study, at once needs none; the list of those that jobs draw does.
+AT_ONCE = {("POST", f"/v1/{path}") for path in ("atlases", *STUDIES) if path != "searches"}
+WITHOUT_DATABASE = {route for route in ROUTES if route[1] in PATHS_WITHOUT} | AT_ONCE
 LIMITS = JobLimits(lease_seconds=60.0, job_seconds=60.0, memory_mb=500, max_attempts=3, retry_seconds=0.1)
 
 

@@ -69,7 +69,7 @@ PAGE = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
 
 
 @pytest.mark.parametrize("path", ["/nowhere", "/solutions/019f0000-0000-7000-8000-000000000001", "/a/b/"])
-def test_an_unknown_address_has_a_page_whose_links_hold_wherever_it_is(client, database, path):
+def test_an_unknown_address_has_a_page_whose_links_hold_wherever_it_is(client, path):
     answer = client.get(path, headers=PAGE)
     assert (answer.status_code, answer.headers["Content-Type"]) == (404, "text/html; charset=utf-8")
     assert "There is no such page" in answer.text
@@ -79,10 +79,14 @@ def test_an_unknown_address_has_a_page_whose_links_hold_wherever_it_is(client, d
     }
     assert {*PAGES} - {"/solution", "/sweep"} <= linked
     assert all(client.get(link).status_code == 200 for link in linked)
-    # Without a key nobody learns whether a path exists: the page is the same.
+
+
+def test_without_a_key_nobody_learns_whether_a_path_exists(client, database):
     make(database, Role.READ)
-    locked = client.get(path, headers=PAGE)
-    assert (locked.status_code, locked.text) == (401, answer.text)
+    for path in ("/nowhere", "/v1x/solutions"):
+        locked = client.get(path, headers=PAGE)
+        assert locked.status_code == 401
+        assert "There is no such page" in locked.text
 
 
 def test_programs_and_the_api_get_problem_documents(client):

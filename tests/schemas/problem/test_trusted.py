@@ -28,7 +28,7 @@ FILES = {
     path.stem: json.loads(path.read_text())
     for path in (Path(__file__).parents[3] / "examples").glob("*.json")
 }
-SWEEPS = [SWEEP, *(each for each in FILES.values() if "base" in each)]
+SWEEPS = [SWEEP, *(each for each in FILES.values() if {"base", "axes"} <= each.keys())]
 ATLASES = [each for each in FILES.values() if "lambda" in each]
 PROBLEMS = {
     **{specimen.name: specimen.document for specimen in SPECIMENS},

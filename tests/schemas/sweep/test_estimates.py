@@ -95,9 +95,12 @@ def test_points_without_a_motion_cost_less_and_store_nothing():
     assert 0.0 < found.seconds < usual.seconds
 
 
+CERTIFIED = {"accuracy": {"tier": "certified"}, "time": {"stop": 10, "samples": 1001}}
+
+
 def test_a_list_is_the_sum_of_its_problems():
     base = linear(2)["base"]
-    quick, slow = read_problem(base), read_problem({**base, "accuracy": {"tier": "certified"}})
+    quick, slow = read_problem(base), read_problem({**base, **CERTIFIED})
     given = {0: (quick, PERIODIC), 2: (slow, PERIODIC)}
     both = estimate_of_jobs(given, TABLE, TABLE)
     parts = [estimate_of_jobs({index: each}, TABLE, TABLE) for index, each in given.items()]

@@ -234,4 +234,4 @@ def test_a_run_of_another_field_is_not_held():
     bounds = beside.shape[1], 1e-9, 1e-9, False, 0.0, np.zeros(3), 0.0
     for text, is_kept in (("-g1", True), ("-1000001/1000000*g1", False)):
         integrator = integrator_of(BODY, expression_potential(text, {}, BODY))
-        assert hold(integrator.equations, breaks, beside, *bounds)[0] == is_kept
+        assert hold(integrator.equations, breaks, beside, *bounds, 0.0)[0] == is_kept

@@ -46,7 +46,7 @@ FloatArray = NDArray[np.float64]
 DEEPEST = 8
 """Cuts of a piece into halves."""
 PARTS = 2
-SHORTEST = 0.01
+SHORTEST = 1e-3
 """Share, of the time that may be left out, below which a stretch is not cut any more."""
 OWN_ROUNDING = 2.0**-50
 """Rounding error of a state, relative to its size."""
