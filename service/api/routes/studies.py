@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
@@ -46,6 +46,9 @@ router = APIRouter(prefix="/v1", tags=["studies"])
 Examination = Callable[[str], str]
 EXAMINATIONS: Mapping[What, Examination] = dict.fromkeys(QUESTIONS, examine_study)
 """Questions that children for verdicts answer; the others need the solvers, which only workers have."""
+
+WAIT_SHARE = 0.5
+"""Share of the time of a verdict for which the answer of a worker is waited: many clients give up after 10 s."""
 
 EXAMPLES: Mapping[What, Document] = {
     "integral": {
@@ -147,11 +150,8 @@ async def asked(
     """Return what all studies read of a request."""
     check_priority(holder, query.priority, "?priority")
     given = read_key(idempotency_key, request, content, holder)
-    is_job = wants_job(prefer)
-    seconds = wait_seconds(prefer)
-    if seconds is None and not is_job:
-        seconds = int(inside.settings.verdict_seconds)
-    return _Asked(request, content, inside, SubmissionTerms(holder, query.priority, given, seconds), is_job)
+    terms = SubmissionTerms(holder, query.priority, given, wait_seconds(prefer))
+    return _Asked(request, content, inside, terms, wants_job(prefer))
 
 
 Asked = Annotated[_Asked, Depends(asked)]
@@ -227,6 +227,9 @@ def _checked(content: bytes, what: What) -> Document:
 async def _answered(given: _Asked, what: What, document: Document) -> Response:
     """Answer from a child for verdicts in time, else by a job."""
     examination = EXAMINATIONS.get(what)
+    if examination is None and not given.is_job and given.terms.seconds is None:
+        seconds = int(WAIT_SHARE * given.inside.settings.verdict_seconds)
+        given = replace(given, terms=replace(given.terms, seconds=seconds))
     if examination is not None and not given.is_job:
         try:
             claimant = Claimant(given.terms.key_id)
