@@ -48,7 +48,7 @@ EXAMINATIONS: Mapping[What, Examination] = dict.fromkeys(QUESTIONS, examine_stud
 """Questions that children for verdicts answer; the others need the solvers, which only workers have."""
 
 WAIT_SHARE = 0.5
-"""Share of the time of a verdict for which the answer of a worker is waited: many clients give up after 10 s."""
+"""Share of the time of a verdict for which a worker's answer is waited: many clients give up after 10 s."""
 
 EXAMPLES: Mapping[What, Document] = {
     "integral": {
@@ -163,7 +163,7 @@ async def search_numbers(given: Asked) -> Response:
 
     All solutions in the intervals: each is `proved`, enclosed with a radius, or `possible`; and of the rest
     it is proved that there is none, or it is `undecided`. A worker computes it; the answer is 200 where that
-    takes no longer than a verdict may, else 202 with the job, whose `result` will be the answer.
+    takes half of the time of a verdict at most, else 202 with the job, whose `result` will be the answer.
     """
     return await _study(given, "numbers")
 
