@@ -332,7 +332,7 @@ export function exportable(place, { moves = false } = {}) {
 /** Return a line with the cases that a problem is, by their names; `null` if it is none. */
 export function knownCases(known) {
   if (!known?.length) return null;
-  return h("p", { class: "hint" }, `Known: ${known.map(({ name, source }) => `the case ${name.replaceAll("_", " and ")} (${source})`).join(", ")}.`);
+  return h("p", { class: "hint" }, `Known: ${known.map(({ name, source }) => `the case of ${name.split("_").map((word) => word[0].toUpperCase() + word.slice(1)).join(" and ")} (${source})`).join(", ")}.`);
 }
 
 // On narrow screens the names of the pages stand in one line that scrolls.
