@@ -259,7 +259,7 @@ def _claims(motion: Facts, found: Motion) -> dict[str, tuple[float, float]]:
 
 
 def _enclosures(
-    motion: Facts, period: arb, energy: arb, states: tuple[tuple[arb, ...], ...]
+    motion: Facts, period: arb | None, energy: arb | None, states: tuple[tuple[arb, ...], ...]
 ) -> dict[str, tuple[float, float]]:
     """Return 0 for claimed, and how far balls are from those that they must overlap."""
     apart = max(
@@ -267,10 +267,10 @@ def _enclosures(
         for row, state in zip(motion["states"], states, strict=True)
         for text, ball in zip(row, state, strict=True)
     )
-    return {
-        "enclosed samples": (0.0, apart),
-        "enclosed period": (0.0, _apart(motion["period"], period)),
-        "enclosed energy": (0.0, _apart(motion["energy"], energy)),
+    # Proven steps enclose no period, and the energy with the other integrals.
+    known = {name: found for name, found in (("period", period), ("energy", energy)) if found is not None}
+    return {"enclosed samples": (0.0, apart)} | {
+        f"enclosed {name}": (0.0, _apart(motion[name], found)) for name, found in known.items()
     }
 
 
