@@ -11,8 +11,10 @@ from service.api.dependencies import Resources
 from service.api.keys.idempotency import receipt_of
 from service.api.replies.responses import json_response
 from service.jobs.keys import ApiKey
-from service.jobs.records import Job
+from service.jobs.records import Job, JobKind
 from service.jobs.store import GivenKey, Receipt
+from service.schemas.problem.problem import problem_digest
+from service.schemas.reading.documents import Document
 from service.schemas.replies.response_model import ResponseModel
 
 Made = tuple[Job, ...]
@@ -75,6 +77,31 @@ async def queue(
         inside.waiting.release()
     # A thread is needed to write into the database only.
     return waited(ended) if terms.given is None else await run_in_threadpool(waited, ended)
+
+
+async def queue_result(
+    inside: Resources,
+    terms: SubmissionTerms,
+    kind: JobKind,
+    document: Document,
+    show: Show,
+    *,
+    in_time: HTTPStatus = HTTPStatus.OK,
+) -> Response:
+    """Store a job that makes a document, of a kind whose result is stored, and answer as :func:`queue`."""
+
+    def store(receipt: Receipt[Made] | None) -> Job:
+        return inside.results.submit(
+            kind,
+            document,
+            problem_digest({kind.value: document}),
+            priority=terms.priority,
+            key_id=terms.key_id,
+            receipt=receipt,
+        )
+
+    await run_in_threadpool(inside.limits.reserve_jobs, terms.holder)
+    return await queue(inside, terms, store, show, in_time=in_time)
 
 
 async def _finish(job: Job, inside: Resources, seconds: int) -> Job:

@@ -7,7 +7,6 @@ from http import HTTPStatus
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
-from starlette.concurrency import run_in_threadpool
 
 from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
@@ -20,7 +19,7 @@ from service.api.middleware.heavy_answers import heavy, listed, made_in_a_slot, 
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
 from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
-from service.api.queueing import Made, SubmissionTerms, queue
+from service.api.queueing import SubmissionTerms, queue_result
 from service.api.replies.records import job_out
 from service.api.replies.responses import AtlasId, refusals
 from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_listed
@@ -28,11 +27,9 @@ from service.api.tagged import validator_headers
 from service.api.verdicts.examiner import examine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
 from service.jobs.records import Job, JobKind
-from service.jobs.store import Receipt
 from service.sandbox import SandboxTimeoutError
 from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
-from service.schemas.problem.problem import problem_digest
 from service.schemas.query.conditions import in_state
 from service.schemas.reading.documents import Document
 from service.schemas.replies.analysis import QueryEstimateOut
@@ -162,22 +159,12 @@ async def _drawn(
 
 
 async def _queue(asked: _Checked, inside: Resources, terms: SubmissionTerms) -> Response:
-    def store(receipt: Receipt[Made] | None) -> Job:
-        return inside.results.submit(
-            JobKind.ATLAS,
-            asked.document,
-            problem_digest({"atlas": asked.document}),
-            priority=terms.priority,
-            key_id=terms.key_id,
-            receipt=receipt,
-        )
-
     def show(job: Job) -> tuple[JobOut, str]:
         return job_out(job), f"/v1/jobs/{job.id}"
 
-    await run_in_threadpool(inside.limits.reserve_jobs, terms.holder)
     # 202 also if it has ended in time: 200 is the atlas itself.
-    return await queue(inside, terms, store, show, in_time=HTTPStatus.ACCEPTED)
+    in_time = HTTPStatus.ACCEPTED
+    return await queue_result(inside, terms, JobKind.ATLAS, asked.document, show, in_time=in_time)
 
 
 @router.get(

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
-from starlette.concurrency import run_in_threadpool
 
 from service.api.bodies import Body, read_json
 from service.api.dependencies import Inside, Resources
@@ -16,8 +15,7 @@ from service.api.middleware.heavy_answers import heavy, while_connected
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
 from service.api.queries.queries import query_of, query_parameters, without_query
-from service.api.queueing import Made, SubmissionTerms, queue
-from service.api.replies.errors import ApiError
+from service.api.queueing import SubmissionTerms, queue_result
 from service.api.replies.records import job_out
 from service.api.replies.responses import JobId, json_response, refusals
 from service.api.routes.jobs import UrgencyQuery
@@ -25,9 +23,7 @@ from service.api.tagged import validator_headers
 from service.api.verdicts.examiner import verdict_in
 from service.api.verdicts.verdict_queue import Claimant
 from service.jobs.records import Job, JobKind, JobState
-from service.jobs.store import Receipt
 from service.sandbox import SandboxMemoryError, SandboxTimeoutError
-from service.schemas.problem.problem import problem_digest
 from service.schemas.reading.documents import Document
 from service.schemas.replies.job import JobOut
 from service.schemas.replies.study import (
@@ -245,35 +241,13 @@ async def _answered(given: _Asked, what: What, document: Document) -> Response:
 
 
 async def _queued(given: _Asked, what: What, document: Document) -> Response:
-    inside, terms = given.inside, given.terms
-
-    def store(receipt: Receipt[Made] | None) -> Job:
-        return inside.results.submit(
-            JobKind.STUDY,
-            document,
-            problem_digest({"study": document}),
-            priority=terms.priority,
-            key_id=terms.key_id,
-            receipt=receipt,
-        )
-
     def show(job: Job) -> tuple[JobOut | AnswerOut, str]:
         place = f"/v1/jobs/{job.id}"
         if job.state is JobState.FAILED and job.error is not None and job.error.get("pointer") is not None:
-            raise _refused(job.error)
+            verdict_in({"error": dict(job.error)})  # raises: the question is refused
         return (job_out(job) if job.result is None else ANSWERS[what].model_validate(job.result)), place
 
-    await run_in_threadpool(inside.limits.reserve_jobs, terms.holder)
-    return await queue(inside, terms, store, show)
-
-
-def _refused(error: Mapping[str, object]) -> ApiError:
-    """Return the refusal of a study that has failed because of what was asked."""
-    try:
-        verdict_in({"error": dict(error)})
-    except ApiError as refusal:
-        return refusal
-    raise AssertionError("an error is always raised")
+    return await queue_result(given.inside, given.terms, JobKind.STUDY, document, show)
 
 
 @router.get(
@@ -287,7 +261,6 @@ def get_result(request: Request, job_id: JobId, inside: Inside) -> Response:
     """Show the answer of a study whose job has succeeded; it never changes."""
     headers = validator_headers(request, inside)
     job = inside.jobs.get(job_id)
-    found = inside.results.get(JobKind.STUDY, job_id)
-    answer = json_response(ANSWERS[str(job.problem["what"])].model_validate(found))
+    answer = json_response(ANSWERS[str(job.problem["what"])].model_validate(job.result))
     answer.headers.update(headers)
     return answer

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from service.dynamics.body import RigidBody
+from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.inverse.polynomials import as_polynomial
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 
@@ -32,7 +33,8 @@ def known_cases(body: RigidBody, potential: Potential) -> tuple[KnownCase, ...]:
     Conditions are met exactly. That of Bobylev and Steklov is about motions with q = 0; those that need
     B are not told where it was left out.
     """
-    centre = _linear_part(potential)
+    # The problems of a list have one potential, or few.
+    centre = _LINEAR_PARTS(potential)
     if centre is None:
         return ()
     a, b, c = centre
@@ -66,3 +68,6 @@ def _linear_part(potential: Potential) -> tuple[Fraction, Fraction, Fraction] | 
         return None
     zero = Fraction(0)
     return polynomial.get((1, 0, 0), zero), polynomial.get((0, 1, 0), zero), polynomial.get((0, 0, 1), zero)
+
+
+_LINEAR_PARTS = IdentityCache(_linear_part)

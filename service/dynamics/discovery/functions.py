@@ -21,7 +21,6 @@ from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.parameters import PI
 from service.dynamics.formula.tape import Tape
-from service.dynamics.formula.tree import Tree
 from service.dynamics.potentials.terms.bound_formula import MOMENTS
 from service.dynamics.verdict.exact_ring.layout import NoProofError
 
@@ -238,9 +237,8 @@ class Functions:
     def rates(self) -> tuple[Quotient, ...]:
         """Return dp/dt, ..., dg3/dt by the Euler-Poisson equations."""
         moments = [self.value(self.setting.tape(each)) for each in self.setting.moments]
-        return equations_of_motion(
-            self, moments, self.inputs, self.gradient(self._tape(self.setting.potential))
-        )
+        slopes = self.gradient(self.setting.tape(self.setting.potential))
+        return equations_of_motion(self, moments, self.inputs, slopes)
 
     def polynomial_gradient(self, polynomial: fmpz_mpoly) -> list[Quotient]:
         """Return the derivatives of a polynomial without atoms along p, ..., g3."""
@@ -259,9 +257,6 @@ class Functions:
             if slope.numerator and rate.numerator:
                 total = self.add(total, self.multiply(slope, rate))
         return total
-
-    def _tape(self, tree: Tree) -> Tape:
-        return self.setting.tape(tree)
 
     # --- texts and values ----------------------------------------------------------------
 

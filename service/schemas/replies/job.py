@@ -68,7 +68,7 @@ class JobPageOut(ResponseModel):
 
 
 KindName = Literal["solve", "chunk", "atlas", "study"]
-KIND = "`solve`: of one problem; `chunk`: of a sweep; `atlas`: draws an atlas."
+KIND = "`solve`: of one problem; `chunk`: of a sweep; `atlas`: draws an atlas; `study`: answers a question."
 
 
 class AttemptOut(ResponseModel):

@@ -66,7 +66,6 @@ class RealLoop:
         first = self._first * self._alpha * power * rising
         second = -sine * self._Z_squared * (self._C + self._steepness * power * power) / (self._C * c)
         rates = (first, second, self._third * cosine)
-        gamma = self._gamma(sine, cosine, size, c)
         gamma, along = self._gamma(sine, cosine, size, c), rates[::-1] if self._mirrored else rates
         slope: arb = self._slope(*gamma, *along)[0]
         return slope
