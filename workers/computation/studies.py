@@ -29,7 +29,7 @@ from service.dynamics.formula.tree import VARIABLES, Binary, Symbol, Tree
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.windows import find_windows
-from service.dynamics.solution.ball_columns import as_decimals
+from service.dynamics.solution.ball_columns import as_decimals, exact_middle
 from service.dynamics.verdict.verdict import decide
 from service.jobs.records import JobResult, Refused
 from service.schemas.reading.documents import Document, Part
@@ -140,8 +140,7 @@ def _inner(end: arb, ends: tuple[Fraction, Fraction], *, up: bool) -> Fraction:
     for whole in ends:
         if end.overlaps(ball(whole)):
             return whole
-    mantissa, exponent = (end.upper() if up else end.lower()).man_exp()
-    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
+    return exact_middle(end.upper() if up else end.lower())
 
 
 def family_of(asked: Search, problem: Problem) -> ProblemFamily | None:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from service.dynamics.bounds import is_within
 from service.dynamics.classical.loop import CASE_BITS
-from service.dynamics.classical.protocol import ClassicalCase, rational, real_roots
+from service.dynamics.classical.protocol import ClassicalCase, real_roots
 from service.dynamics.formula.algebras.ball import ball
+from service.dynamics.solution.ball_columns import exact_middle
 
 CONDITION_RELATIVE_ROUNDING = 1e-15
 """Relative: moments that satisfy a condition so closely mean the ones that satisfy it."""
@@ -124,7 +125,7 @@ def _of_ratios(case: ClassicalCase, moments: Partly, solution: int | None) -> It
         ratio = (arb(1), second, third)
         k, given = next((k, moment) for k, moment in enumerate(moments) if moment is not None)
         scale = ball(given) / ratio[k]
-        own = [given if i == k else rational(scale * ratio[i]) for i in range(3)]
+        own = [given if i == k else exact_middle(scale * ratio[i]) for i in range(3)]
         if all(
             moment is None or is_within(abs(float(moment / exact - 1)), CONDITION_RELATIVE_ROUNDING)
             for moment, exact in zip(moments, own, strict=True)
@@ -175,7 +176,7 @@ def _positive_roots(polynomial: fmpq_poly) -> Iterator[Fraction]:
         if root > 0:
             yield Fraction(int(root.p), int(root.q))
     elif polynomial.degree() > 1:
-        yield from (rational(root) for root in real_roots(polynomial) if root > 0)
+        yield from (exact_middle(root) for root in real_roots(polynomial) if root > 0)
 
 
 def _flint(number: Fraction) -> fmpq:

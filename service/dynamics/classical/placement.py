@@ -15,9 +15,10 @@ from service.dynamics.classical.bodies import Fitting, Partly, fittings
 from service.dynamics.classical.cases import hess, staude
 from service.dynamics.classical.errors import CaseMomentsError, CaseNotRealError, CaseParameterError
 from service.dynamics.classical.loop import CASE_BITS, ReducedLoop, loops
-from service.dynamics.classical.protocol import ClassicalCase, Number, Reduced, Setting, State, rational
+from service.dynamics.classical.protocol import ClassicalCase, Number, Reduced, Setting, State
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import ClassicalMotion
+from service.dynamics.solution.ball_columns import exact_middle
 
 RELATION_RELATIVE_ROUNDING = Fraction(1, 10**15)
 """Relative: a state that satisfies a relation so closely means the one that satisfies it."""
@@ -89,7 +90,7 @@ class Placed:
 
 def start_of(state: Sequence[arb]) -> Start:
     """Return a state as rationals."""
-    p, q, r, g1, g2, g3 = (rational(x) for x in state)
+    p, q, r, g1, g2, g3 = (exact_middle(x) for x in state)
     return Start((p, q, r), (g1, g2, g3), tuple(state))
 
 

@@ -14,7 +14,6 @@ In cases with the centre on the first axis and q² = Q(p), r² = R(p), Q and R d
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from fractions import Fraction
 from typing import Any, Literal, TypeAlias
 
 from flint import arb, fmpq_poly
@@ -216,9 +215,3 @@ PHASE = (
 )
 DIRECTION = "-1 for the motion backwards in time; 1 if left out"
 SIGN = "-1 for the motion turned by half a turn about the axis of the centre; 1 if left out"
-
-
-def rational(number: arb) -> Fraction:
-    """Return the middle of a ball, exact."""
-    middle = number.mid().fmpq()
-    return Fraction(int(middle.p), int(middle.q))

@@ -59,7 +59,7 @@ def as_decimals(ball: arb) -> tuple[str, str]:
     """
     if not ball.is_finite():
         raise ValueError(f"{ball} is not finite")
-    middle, radius = _fraction(ball.mid()), _fraction(ball.rad())
+    middle, radius = exact_middle(ball), exact_middle(ball.rad())
     if radius:
         decimals = RADIUS_DIGITS - 1 - _exponent(radius)
     elif middle:
@@ -73,9 +73,10 @@ def as_decimals(ball: arb) -> tuple[str, str]:
     return _scientific(value, decimals), _scientific(-floor(-rest / unit), decimals)
 
 
-def _fraction(exact: arb) -> Fraction:
-    mantissa, exponent = exact.man_exp()
-    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
+def exact_middle(ball: arb) -> Fraction:
+    """Return the midpoint of a finite ball."""
+    middle = ball.mid().fmpq()
+    return Fraction(int(middle.p), int(middle.q))
 
 
 def _exponent(value: Fraction) -> int:

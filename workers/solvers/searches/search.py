@@ -20,6 +20,7 @@ from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Arc
 from service.dynamics.reduction.window import Window as ReducedWindow
 from service.dynamics.reduction.windows import NoMotionError, find_windows
+from service.dynamics.solution.ball_columns import exact_middle
 from workers.solvers.certified.by_integral import IntegralMotion, integral_motion
 from workers.solvers.certified.errors import PrecisionNeededError
 from workers.solvers.certified.orbit import passes_pole
@@ -246,7 +247,7 @@ class _Search:
         """Narrow a solution, of which there is one among these ``values``."""
         with ctx.workprec(2 * BITS):
             for _ in range(POLISHES):
-                at = [_rational(x) for x in values]
+                at = [exact_middle(x) for x in values]
                 slopes = [model.slopes(at, FINE) for model in models]
                 matrix = [each.gradient_on([x.rad() for x in values]) for each in slopes]
                 step = _solved(matrix, self._missed(slopes))
@@ -286,11 +287,6 @@ def _seen(window: ReducedWindow) -> tuple[FamilyWindow, Arc]:
 
 def _s_sign(start: Start) -> int:
     return start.s_sign if isinstance(start, StartAtEquator | StartAtPoint) else 1
-
-
-def _rational(value: arb) -> Fraction:
-    mantissa, exponent = value.mid().man_exp()
-    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
 
 
 def _solved(matrix: Sequence[Sequence[arb]], right: Sequence[arb]) -> list[arb] | None:

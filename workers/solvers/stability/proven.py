@@ -24,6 +24,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.tape import Tape
 from service.dynamics.problem import Problem
+from service.dynamics.solution.ball_columns import exact_middle
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, Period
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
@@ -288,6 +289,6 @@ def _on_the_way(trajectory: ProvenTrajectory, last: FloatArray) -> tuple[float, 
 
 
 def _rational(value: arb, bits: int = TIME_BITS) -> Fraction:
+    """Return a number next to the midpoint that has so many bits."""
     with ctx.workprec(bits):
-        mantissa, exponent = (value.mid() + 0).mid().man_exp()
-    return Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
+        return exact_middle(value.mid() + 0)
