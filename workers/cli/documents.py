@@ -5,10 +5,10 @@ The answer is JSON, a picture, a table of samples, or text for people.
 
 import io
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any  # JSON values of a summary: their shapes are those of the solution resource
+from typing import Any, TypeVar  # JSON values of a summary: their shapes are those of the solution resource
 from xml.etree import ElementTree  # of our own text
 
 import numpy as np
@@ -37,6 +37,7 @@ from service.verdicts.refusals import refusal_of_reading
 from workers.process.tasks import solve_examined, study
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
 _REFUSED, _WRONG_USAGE = 1, 2
 
 
@@ -76,8 +77,8 @@ def solve_file(file: Path, *, csv: Path | None, as_json: bool) -> int:
 def _compute(document: str, settings: Settings) -> SolveOutcome:
     """Compute in a child with the limits of a verdict and of a job, and show a progress sign."""
     console = Console(stderr=True)
-    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=["workers.computation.compute"])
-    try:
+
+    def work(sandbox: Sandbox) -> SolveOutcome:
         with console.status("examining …"):  # shows nothing where stderr is not a terminal
             try:
                 report = sandbox.run(examine_problem, document, seconds=settings.verdict_seconds)
@@ -92,13 +93,24 @@ def _compute(document: str, settings: Settings) -> SolveOutcome:
         from workers.cli.compile import compile_solvers  # noqa: PLC0415
 
         compile_solvers()
-        with console.status("solving …"):
-            return sandbox.run(solve_examined, document, report, seconds=seconds)
-    except NeedsKernelsError:
-        return _failed("not_ready", "only compiled kernels solve this, and they are not compiled")
+        try:
+            with console.status("solving …"):
+                return sandbox.run(solve_examined, document, report, seconds=seconds)
+        except NeedsKernelsError:
+            return _failed("not_ready", "only compiled kernels solve this, and they are not compiled")
+
+    return _in_child(work, settings, preload="workers.computation.compute", unfinished="not solved")
+
+
+def _in_child(
+    work: Callable[[Sandbox], T], settings: Settings, *, preload: str, unfinished: str
+) -> T | Refused:
+    """Return what ``work`` does in a child with the limits of a job, or which of them it went beyond."""
+    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=[preload])
+    try:
+        return work(sandbox)
     except SandboxTimeoutError:
-        detail = f"not solved within POLHODE_JOB_SECONDS = {settings.job_seconds:g}"
-        return _failed("time_limit", detail)
+        return _failed("time_limit", f"{unfinished} within POLHODE_JOB_SECONDS = {settings.job_seconds:g}")
     except SandboxMemoryError:
         return _failed(
             "memory_limit", f"more memory needed than POLHODE_JOB_MEMORY_MB = {settings.job_memory_mb}"
@@ -162,20 +174,12 @@ def study_file(file: Path, *, as_json: bool) -> int:
     if refusal is not None:
         say(_reason(refusal))
         return _REFUSED
-    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=["workers.computation.studies"])
-    outcome: JobResult | Refused
-    try:
+
+    def work(sandbox: Sandbox) -> JobResult | Refused:
         with Console(stderr=True).status("searching …"):  # shows nothing where stderr is not a terminal
-            outcome = sandbox.run(study, json.dumps(document), seconds=settings.job_seconds)
-    except SandboxTimeoutError:
-        outcome = _failed("time_limit", f"no answer within POLHODE_JOB_SECONDS = {settings.job_seconds:g}")
-    except SandboxMemoryError:
-        limit = f"POLHODE_JOB_MEMORY_MB = {settings.job_memory_mb}"
-        outcome = _failed("memory_limit", f"more memory needed than {limit}")
-    except SandboxCrashError as fault:
-        outcome = _failed("lost_worker", f"the computation's process died: {fault}")
-    finally:
-        sandbox.close()
+            return sandbox.run(study, json.dumps(document), seconds=settings.job_seconds)
+
+    outcome = _in_child(work, settings, preload="workers.computation.studies", unfinished="no answer")
     if isinstance(outcome, Refused):
         say(_reason(outcome.error))
         return _REFUSED

@@ -30,7 +30,7 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.windows import find_windows
 from service.dynamics.solution.ball_columns import as_decimals, exact_middle
-from service.dynamics.verdict.verdict import decide
+from service.dynamics.verdict.verdict import Verdict, decide
 from service.jobs.records import JobResult, Refused
 from service.schemas.reading.documents import Document, Part
 from service.schemas.study.reading import Search, trusted_search
@@ -88,7 +88,7 @@ def _numbers(document: Part) -> Document:
         return _answer(asked, _seen_solutions(asked, is_late), [whole], "possible")
     wanted.sort(key=lambda each: each.of == "period")
     question = FamilySearch(family, asked.problem_at, wanted, is_late)
-    if not _is_admissible(asked, problem):
+    if not _is_admissible(asked, problem, verdict):
         return _answer(asked, search(question, whole).solutions, [whole], "possible")
     if [each.path for each in asked.unknowns] != [_LAMBDA]:
         return _answer(asked, search(question, whole).solutions, [whole], "proved")
@@ -218,8 +218,11 @@ def exact_of(value: object) -> Fraction:
     return exact_number(value)
 
 
-def _is_admissible(asked: Search, problem: Problem) -> bool:
-    """Tell whether it is proved that the potential admits planar motions for all numbers of the box."""
+def _is_admissible(asked: Search, problem: Problem, verdict: Verdict) -> bool:
+    """Tell whether it is proved that the potential admits planar motions for all numbers of the box.
+
+    ``verdict`` is that of the problem in the middle of it.
+    """
     if any(each.path[0] == "body" and each.path[1] != "B" for each in asked.unknowns):
         return False
     names = [name for name in _names(asked).values() if name != "B"]
@@ -227,7 +230,7 @@ def _is_admissible(asked: Search, problem: Problem) -> bool:
     if tree is None:
         return False
     if not names:
-        return decide(problem.body, problem.potential).verdict == "admissible"
+        return verdict.verdict == "admissible"
     # The equation is linear in V: it holds for all numbers if it does for each coefficient.
     parts = coefficients_of(tree, names)
     return parts is not None and all(
