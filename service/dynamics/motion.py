@@ -2,14 +2,16 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
+from flint import arb
 
 from service.dynamics.accuracy import GroupError
 from service.dynamics.bounds import ErrorKind
 from service.dynamics.methods import SolvedBy
 from service.dynamics.reduction.window import Window
+from service.dynamics.solution.ball_columns import split
 from service.dynamics.solution.dense_output import DenseOutput, FloatArray
 
 COLUMNS: tuple[str, ...] = ("p", "q", "r", "g1", "g2", "g3")
@@ -33,7 +35,13 @@ class Estimate:
     value: float
     error: float
     kind: ErrorKind
-    """How the bound is known."""
+    """The way in which the bound is known."""
+
+    @classmethod
+    def of(cls, ball: arb, kind: ErrorKind = "theorem") -> Self:
+        """Return the double next to the middle of a ball, with a bound that holds for all of the ball."""
+        (value,), error = split(ball, 1)
+        return cls(value, error, kind)
 
 
 AperiodicKind = Literal["separatrix", "equilibrium", "collision", "pole"]

@@ -424,7 +424,7 @@ def _with_period_known(motion: Motion, enclosed: Certified, tolerance: float) ->
     # The function of time is one of wrong times: no two values of a variable differ by more than this.
     wrong = 2.0 * float(np.abs(motion.dense.coefficients).sum(axis=1).max(initial=0.0))
     assert enclosed.period is not None
-    dense = replace(motion.dense, period=_rounded(enclosed.period), error=motion.dense.error + wrong)
+    dense = replace(motion.dense, period=Period.of(enclosed.period), error=motion.dense.error + wrong)
     require_period_known(dense.period, tolerance)
     # Parts of the period that were asked for are later, or sooner.
     times = np.array([float(at) for at in enclosed.times])
@@ -444,13 +444,6 @@ def _certify(problem: Problem, motion: Motion) -> Certified:
         methods=choose_enclosures(problem).asked,
         about_a_period=period.hi if period is not None and isinstance(problem.time, TimePeriods) else None,
     )
-
-
-def _rounded(period: arb) -> Period:
-    """Return a ball as the sum of two doubles and a bound."""
-    hi = float(period)
-    lo = float(period - arb(hi))
-    return Period(hi, lo, float(abs(period - arb(hi) - arb(lo)).abs_upper()), "theorem")
 
 
 def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples: FloatArray) -> Motion:

@@ -274,9 +274,8 @@ def _trace_of_lame(problem: Problem, motion: PlanarMotion) -> Estimate | None:
         return None
     with ctx.workprec(LAME_BITS):
         trace = transverse_stability(motion.lambda_squared, body.B / body.C).trace
-        value = float(trace)
-        error = float(abs(trace - value).abs_upper()) if isfinite(value) else value
-        return Estimate(value, error, "theorem") if isfinite(error) else None
+        found = Estimate.of(trace)
+        return found if isfinite(found.error) else None
 
 
 def _further(problem: Problem, motion: Motion) -> tuple[FurtherDrift, ...]:

@@ -11,12 +11,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
+from typing import Self
 
 import numpy as np
+from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.bounds import ErrorKind, largest
 from service.dynamics.errors import DynamicsError
+from service.dynamics.solution.ball_columns import split
 
 FloatArray = NDArray[np.float64]
 
@@ -43,7 +46,13 @@ class Period:
     lo: float
     error: float
     kind: ErrorKind = "estimate"
-    """How the bound is known: no theorem unless who has found it says so."""
+    """The way in which the bound is known: no theorem unless who has found it says so."""
+
+    @classmethod
+    def of(cls, length: arb) -> Self:
+        """Return a ball of a period as two doubles, with a bound that is a theorem."""
+        (hi, lo), error = split(length, 2)
+        return cls(hi, lo, error, "theorem")
 
 
 @dataclass(frozen=True, slots=True)

@@ -131,10 +131,8 @@ def _in_doubles(model: TimeModel, phase: PolarWay) -> tuple[TimeMap, FloatArray,
         ends += [model.period - t for t in ends[-2::-1]]
     integrals = np.asarray(0.5 * np.polynomial.chebyshev.chebint(rates, lbnd=-1.0, axis=0), np.float64)
     times: FloatArray = np.array([float(t) for t in ends])
-    hi = float(model.period)
-    lo = float(model.period - arb(hi))
-    period = Period(hi, lo, float(abs(model.period - arb(hi) - arb(lo)).abs_upper()), "theorem")
-    rounding = 0.25 * EPSILON * hi
+    period = Period.of(model.period)
+    rounding = 0.25 * EPSILON * period.hi
     lengths = [float(end - begin) for begin, end in pairwise(ends)]
     error = float(np.abs(integrals.sum(axis=0) - lengths).max())
     edges, nodes = np.arange(len(times), dtype=float), sum(len(piece.states) for piece in pieces)

@@ -171,20 +171,13 @@ def make_closed_form(interval: MotionInterval, branch: MirrorImage, origin: arb)
         branch,
         quarters % 4,
         float(offset),
-        period_of(length),
+        Period.of(length),
         passages,
         make_amplitude(float(b) / 2, float(a) / 2),
         float((low / high).sqrt()),
         float(mean / 2),
         _variables(interval),
     )
-
-
-def period_of(length: arb) -> Period:
-    """Return the ball of a period as the sum of two doubles with its error."""
-    hi = float(length)
-    lo = float(length - hi)
-    return Period(hi, lo, float(abs(length - hi - lo).abs_upper()) * (1.0 + EPSILON), "theorem")
 
 
 def _variables(interval: MotionInterval) -> Variables:

@@ -24,6 +24,7 @@ from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.motion import Estimate
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.windows import REDUCTION_BITS
+from service.dynamics.solution.ball_columns import split
 from service.dynamics.solution.dense_output import Advance
 from workers.solvers.quadrature.time_map import make_time_map
 
@@ -78,8 +79,6 @@ def _rate(loop: Loop, theta: arb) -> arb:
 
 
 def _advance(total: arb, error: float) -> Advance:
-    hi = float(total)
-    lo = float(total - arb(hi))
     # Next to a whole turn the integral is known to more digits than two doubles of the turn have.
-    left_out = float(abs(total - arb(hi) - arb(lo)).abs_upper())
+    (hi, lo), left_out = split(total, 2)
     return Advance(hi, lo, nextafter(error + left_out, inf) if left_out > 0.0 else error)

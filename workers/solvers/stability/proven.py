@@ -23,6 +23,7 @@ from service.dynamics.accuracy import TIER_TOLERANCES
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.tape import Tape
+from service.dynamics.motion import Estimate
 from service.dynamics.problem import Problem
 from service.dynamics.solution.ball_columns import exact_middle
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, Period
@@ -225,11 +226,8 @@ def _tolerance(problem: Problem) -> float:
 
 def proven_stability(turn: ProvenTurn, tolerance: float) -> Stability:
     """Return the stability that the trace tells, and until when doubles reach ``tolerance``."""
-    hi = float(turn.period)
-    period = Period(hi, 0.0, float(abs(turn.period - hi).abs_upper()), "theorem")
-    value = float(turn.trace.mid())
-    error = math.nextafter(float(abs(turn.trace - arb(value)).abs_upper()), math.inf)
-    found = of_trace(value, error, period, trusted_periods(turn, tolerance))
+    trace = Estimate.of(turn.trace)
+    found = of_trace(trace.value, trace.error, Period.of(turn.period), trusted_periods(turn, tolerance))
     return replace(found, proof="theorem", enclosed=turn.trace)
 
 

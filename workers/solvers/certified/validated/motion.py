@@ -101,7 +101,7 @@ def prove_motion(
         error=dense.error,
         samples_kind="theorem",
         function_kind="theorem",
-        energy=Estimate(float(energy), float(abs(energy - float(energy)).abs_upper()), "theorem"),
+        energy=Estimate.of(energy),
         window=None,
         aperiodic=None,
         past=None,
