@@ -13,7 +13,7 @@ from service.schemas.problem.problem import read_problem
 from service.storage.codecs.packing import decode_arrays
 from tests.conformance.classical.specimens import example
 from workers.computation.compute import certified_samples, solve_checked
-from workers.solvers.certified.validated.enclose import is_narrow
+from workers.solvers.certified.certify import is_narrow
 from workers.solvers.choose import enclose
 
 BODY = {"A": 2, "B": "3/2", "C": 1}

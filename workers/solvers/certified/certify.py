@@ -193,7 +193,10 @@ def _is_narrow(result: Certified) -> bool:
     allowed = arb(2) ** (ALLOWED_BITS - result.bits)
     if result.period is not None and not result.period.rad() <= allowed * abs(result.period).lower():
         return False
-    return all(
-        bool(value.rad() <= allowed or value.rad() <= allowed * abs(value).lower())
-        for value in _numbers(result)
-    )
+    return all(is_narrow(value, result.bits) for value in _numbers(result))
+
+
+def is_narrow(value: arb, bits: int) -> bool:
+    """Say whether a ball is as narrow as ``bits`` ask for."""
+    allowed = arb(2) ** (ALLOWED_BITS - bits)
+    return bool(value.rad() <= allowed or value.rad() <= allowed * abs(value).lower())

@@ -16,6 +16,7 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.ball import ball
+from workers.solvers.certified.certify import ALLOWED_BITS, HIGHEST_PRECISION, is_narrow
 from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.certified.validated.curves import StepTooLongError
 from workers.solvers.certified.validated.step import (
@@ -38,9 +39,6 @@ Watch = Callable[[Fraction], None]
 
 GUARD_BITS = 24
 """Bits by which errors may grow along the motion at the first try."""
-ALLOWED_BITS = 8
-"""Radii are at most 2^(ALLOWED_BITS − bits) times the size of the number, or than that if it is below 1."""
-HIGHEST_PRECISION = 2048
 ORDER_PER_BIT = 0.4
 """Order of the polynomials: a larger one makes steps longer and each of them dearer. Measured."""
 LEAST_ORDER = 16
@@ -83,7 +81,7 @@ class ProvenTrajectory:
 
     stretches: tuple[ProvenStretch, ...]
     begins: tuple[Fraction, ...]
-    """How far from t = 0 each of them begins."""
+    """The distances from t = 0 at which they begin."""
     end: Fraction
     precision: int
 
@@ -122,8 +120,7 @@ class ProvenTrajectory:
         step, start = stretch.step, stretch.start
         place = float((t - step.begin) / step.length)
         matrix = _at(step.flow, place)
-        lost = self._moved(stretch, place, start.frame, start.flow_box)
-        lost = lost + (step.flow_error + ROUNDING * np.abs(step.flow).sum(axis=0)) @ np.abs(start.flow)
+        lost = self._moved(stretch, place, start.frame, start.flow_box) + _lost(step, start.flow)
         return matrix @ start.flow, UPWARDS * lost
 
     def _moved(self, stretch: ProvenStretch, place: float, frame: FloatArray, box: FloatArray) -> FloatArray:
@@ -206,12 +203,6 @@ def enclose(
         spare = max(spare + GUARD_BITS, int(1.1 * needed) + ALLOWED_BITS)
 
 
-def is_narrow(value: arb, bits: int) -> bool:
-    """Say whether a ball is as narrow as ``bits`` ask for."""
-    allowed = arb(2) ** (ALLOWED_BITS - bits)
-    return bool(value.rad() <= allowed or value.rad() <= allowed * abs(value).lower())
-
-
 def _until(t: Fraction) -> str:
     return f"; it is proven until t = {float(t):.10g}"
 
@@ -288,8 +279,13 @@ def _at(polynomial: FloatArray, place: float) -> FloatArray:
 
 def _image(step: ProvenStep, matrix: FloatArray, frame: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return M Q and a bound of its errors; those of the evaluation of M are among them."""
-    lost = (step.flow_error + ROUNDING * np.abs(step.flow).sum(axis=0)) @ np.abs(frame)
-    return matrix @ frame, UPWARDS * lost
+    return matrix @ frame, UPWARDS * _lost(step, frame)
+
+
+def _lost(step: ProvenStep, factor: FloatArray) -> FloatArray:
+    """Return a bound of the errors of M X but for its own roundings; M is evaluated anywhere in the step."""
+    lost: FloatArray = (step.flow_error + ROUNDING * np.abs(step.flow).sum(axis=0)) @ np.abs(factor)
+    return lost
 
 
 def _carried(step: ProvenStep, here: ProvenSet) -> ProvenSet:
@@ -304,9 +300,8 @@ def _carried(step: ProvenStep, here: ProvenSet) -> ProvenSet:
     turned = frame.T @ image
     through = np.abs(turned) + np.abs(frame.T) @ (lost + ROUNDING * np.abs(image))
     flow = matrix @ here.flow
-    flow_lost = (step.flow_error + ROUNDING * np.abs(step.flow).sum(axis=0)) @ np.abs(here.flow)
     box = _solved(frame, through @ here.box + np.abs(frame.T) @ added)
-    flow_box = _solved(frame, through @ here.flow_box + np.abs(frame.T) @ flow_lost)
+    flow_box = _solved(frame, through @ here.flow_box + np.abs(frame.T) @ _lost(step, here.flow))
     return ProvenSet(middle, frame, box, flow, flow_box)
 
 
