@@ -63,7 +63,8 @@ def client_page() -> str:
         lines += _entry(f"ph.{function.__name__}", function)
     for title, kind in CLASSES.items():
         lines += [f"## {title}", "", *_text(kind.__doc__ or "")]
-        for name, member in vars(kind).items():
+        for name in dict.fromkeys(name for base in kind.__mro__ for name in vars(base)):
+            member = inspect.getattr_static(kind, name)
             if not name.startswith("_") and isinstance(member, property | FunctionType | operation):
                 lines += _entry(name, member)
     lines += ["## Errors", ""]

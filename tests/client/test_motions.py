@@ -15,6 +15,7 @@ import polhode as ph
 from polhode import evaluation
 from polhode.clients import Operations
 from polhode.motions import Motion
+from polhode.studies import Questions
 from polhode.sweeps import Sweep
 from polhode.transport.steps import operation
 from polhode.verdicts import Judgement
@@ -267,6 +268,7 @@ def test_signatures_are_those_that_a_person_calls(connected):
     assert shown["solve"].endswith("-> Motion")
     every = [
         *vars(Operations).values(),
+        *vars(Questions).values(),
         *vars(Motion).values(),
         *vars(Sweep).values(),
         *vars(Judgement).values(),

@@ -16,6 +16,7 @@ from polhode.clients import Operations
 from polhode.jobs import Job
 from polhode.listings import Listing
 from polhode.motions import Motion
+from polhode.studies import Questions
 from polhode.sweeps import Sweep
 from polhode.verdicts import Judgement
 
@@ -107,7 +108,7 @@ def test_every_name_of_the_client_has_its_place(pages):
             assert re.search(rf">(ph\.)?{name}(\(\))?<", reference), name
     public = [
         name
-        for kind in (Operations, Motion, Sweep, Job, Listing, Judgement)
+        for kind in (Operations, Questions, Motion, Sweep, Job, Listing, Judgement)
         for name in vars(kind)
         if not name.startswith("_") and name != "document"  # an attribute, described in the text
     ]

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import update_wrapper
 from inspect import Parameter, signature
 from types import TracebackType
-from typing import Generic, ParamSpec, Self, TypeVar
+from typing import ParamSpec, Self, TypeVar
 from urllib.parse import urlencode
 
 from polhode.atlases import Atlas, atlas_question, draw, stored_atlas
@@ -16,7 +16,6 @@ from polhode.documents.problems import (
     Given,
     problem,
     question,
-    read,
     sweep_document,
 )
 from polhode.documents.quantities import Exact, written
@@ -25,7 +24,7 @@ from polhode.jobs import WAIT_SECONDS, Job, motion_of, submit
 from polhode.listings import Listing
 from polhode.lists import JobList, motions_of, stored_list, submit_list
 from polhode.motions import Motion
-from polhode.studies import Answer, Numbers, lettered_document, search_document, study
+from polhode.studies import Questions
 from polhode.sweeps import Sweep
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import MERGE_PATCH, ask, ask_json, follow
@@ -91,7 +90,7 @@ def takes(
     return decorate
 
 
-class Operations(Generic[CarrierT]):
+class Operations(Questions[CarrierT]):
     """The operations that both clients have."""
 
     def __init__(self, carrier: CarrierT) -> None:
@@ -286,129 +285,6 @@ class Operations(Generic[CarrierT]):
             numbers=parameters,
         )
         return (yield from draw(self.carrier, document, seconds))
-
-    @operation
-    def study(self, document: Given, *, seconds: float | None = None) -> Operation[Answer]:
-        """Answer a question about integrals, potentials or numbers, a document with ``what`` or its file.
-
-        Raises as :meth:`search`.
-        """
-        asked = read(document)
-        what = str(asked.pop("what", None))
-        answered = yield from study(self.carrier, what, asked, seconds)
-        return Numbers(answered) if what == "numbers" else Answer(answered)
-
-    @operation
-    def integral(
-        self,
-        /,
-        function: str,
-        potential: str,
-        *,
-        body: Mapping[str, Exact] | Sequence[Exact] | None = None,
-        letters: Sequence[str] = (),
-        areas: int | None = None,
-        relations: Sequence[str] = (),
-        relation: bool = False,
-        seconds: float | None = None,
-        **parameters: Exact,
-    ) -> Operation[Answer]:
-        """Tell whether a function is an integral, with a proof or a counterexample.
-
-        Parameters
-        ----------
-        function
-            A formula in p, q, r, g1, g2, g3, the moments and the parameters.
-        potential
-            A formula in g1, g2, g3, the moments and the parameters.
-        body
-            (A, B, C), or some of them by name, as numbers or formulas such as ``"2*C"``; the others are
-            letters.
-        letters
-            Parameters that have no number: the answer holds for all.
-        areas
-            0: of motions with I3 = 0 only.
-        relations
-            Polynomials that are 0 on the motions that are asked about.
-        relation
-            Ask whether the function being 0 is an invariant relation.
-        seconds
-            How long to wait for a job.
-        """
-        given = {"function": function, "areas": areas, "relations": list(relations), "relation": relation}
-        document = lettered_document(potential, body, letters, parameters, **given)
-        return Answer((yield from study(self.carrier, "integral", document, seconds)))
-
-    @operation
-    def search_integrals(
-        self,
-        /,
-        potential: str,
-        degree: tuple[int, int],
-        *,
-        body: Mapping[str, Exact] | Sequence[Exact] | None = None,
-        letters: Sequence[str] = (),
-        areas: int | None = None,
-        seconds: float | None = None,
-        **parameters: Exact,
-    ) -> Operation[Answer]:
-        """Find all polynomial integrals up to a degree in the velocities and one in γ.
-
-        The rest is as :meth:`integral` takes it.
-        """
-        omega, gamma = degree
-        asked = {"degree": {"omega": omega, "gamma": gamma}, "areas": areas}
-        document = lettered_document(potential, body, letters, parameters, **asked)
-        return Answer((yield from study(self.carrier, "integrals", document, seconds)))
-
-    @operation
-    def search_potentials(
-        self, degree: int, *, body: tuple[Exact, Exact] | None = None, seconds: float | None = None
-    ) -> Operation[Answer]:
-        """Find all polynomial potentials up to a degree that admit planar motions.
-
-        ``body`` is (A, C); without it every ratio is told at which there are more than at others.
-        """
-        document: Document = {"degree": degree}
-        if body is not None:
-            document["body"] = {"A": written(body[0]), "C": written(body[1])}
-        return Answer((yield from study(self.carrier, "potentials", document, seconds)))
-
-    @operation
-    def search(
-        self,
-        base: Given,
-        unknowns: Mapping[str, Sequence[Exact]],
-        *,
-        period: Exact | None = None,
-        energy: Exact | None = None,
-        trace: Exact | None = None,
-        psi1: Exact | None = None,
-        psi3: Exact | None = None,
-        seconds: float | None = None,
-    ) -> Operation[Numbers]:
-        """Find the numbers of a problem with which its motion has what is wanted, all of them.
-
-        Parameters
-        ----------
-        base
-            A problem with a planar motion, or its file.
-        unknowns
-            Smallest and largest values of one or two numbers, by JSON pointers such as ``/motion/lambda``.
-        period, energy, trace, psi1, psi3
-            As many as there are unknowns; text such as ``"2*pi/3"`` is a formula. The last two are the
-            precessions in a period, in radians.
-        seconds
-            How long to wait for a job.
-
-        Raises
-        ------
-        RefusedError, FailedError, UnfinishedError
-            As :meth:`atlas` raises them.
-        """
-        wanted = {"period": period, "energy": energy, "trace": trace, "psi1": psi1, "psi3": psi3}
-        document = search_document(base, unknowns, wanted)
-        return Numbers((yield from study(self.carrier, "numbers", document, seconds)))
 
     @operation
     def stored_atlas(self, atlas_id: str) -> Operation[Atlas[CarrierT]]:

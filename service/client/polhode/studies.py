@@ -3,13 +3,14 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic
 
 from polhode.documents.problems import Document, Given, read
 from polhode.documents.quantities import Exact, Quantity, fields, items, written
 from polhode.errors import FailedError, PolhodeError, WrongArgumentError
 from polhode.transport.carriers import CarrierT
 from polhode.transport.exchange import ask, follow
-from polhode.transport.steps import Operation
+from polhode.transport.steps import Operation, operation
 
 WAIT_SECONDS = 20
 """Seconds for which the service holds a request that a job answers; proxies may end longer ones."""
@@ -20,7 +21,7 @@ PATHS = {
     "potentials": "/v1/potentials/searches",
     "numbers": "/v1/searches",
 }
-"""Where each kind of question is asked."""
+"""The path of each kind of question."""
 _OF = {"psi1": "precession.psi1", "psi3": "precession.psi3"}
 
 
@@ -140,7 +141,7 @@ def lettered_document(
     }
 
 
-def study(carrier: CarrierT, what: str, document: Document, seconds: float | None) -> Operation[Document]:
+def _answer(carrier: CarrierT, what: str, document: Document, seconds: float | None) -> Operation[Document]:
     """Return the answer to a question of a kind, at once or after the job that finds it has ended.
 
     Raises
@@ -167,3 +168,132 @@ def study(carrier: CarrierT, what: str, document: Document, seconds: float | Non
     if job.get("state") != "succeeded":
         raise FailedError(job)
     return fields(job["result"])
+
+
+class Questions(Generic[CarrierT]):
+    """The studies that can be asked for."""
+
+    carrier: CarrierT
+
+    @operation
+    def study(self, document: Given, *, seconds: float | None = None) -> Operation[Answer]:
+        """Answer a question about integrals, potentials or numbers, a document with ``what`` or its file.
+
+        Raises as :meth:`search`.
+        """
+        asked = read(document)
+        what = str(asked.pop("what", None))
+        answered = yield from _answer(self.carrier, what, asked, seconds)
+        return Numbers(answered) if what == "numbers" else Answer(answered)
+
+    @operation
+    def integral(
+        self,
+        /,
+        function: str,
+        potential: str,
+        *,
+        body: Mapping[str, Exact] | Sequence[Exact] | None = None,
+        letters: Sequence[str] = (),
+        areas: int | None = None,
+        relations: Sequence[str] = (),
+        relation: bool = False,
+        seconds: float | None = None,
+        **parameters: Exact,
+    ) -> Operation[Answer]:
+        """Tell whether a function is an integral, with a proof or a counterexample.
+
+        Parameters
+        ----------
+        function
+            A formula in p, q, r, g1, g2, g3, the moments and the parameters.
+        potential
+            A formula in g1, g2, g3, the moments and the parameters.
+        body
+            (A, B, C), or some of them by name, as numbers or formulas such as ``"2*C"``; the others are
+            letters.
+        letters
+            Parameters that have no number: the answer holds for all.
+        areas
+            0: of motions with I3 = 0 only.
+        relations
+            Polynomials that are 0 on the motions that are asked about.
+        relation
+            Ask whether the function being 0 is an invariant relation.
+        seconds
+            How long to wait for a job.
+        """
+        given = {"function": function, "areas": areas, "relations": list(relations), "relation": relation}
+        document = lettered_document(potential, body, letters, parameters, **given)
+        return Answer((yield from _answer(self.carrier, "integral", document, seconds)))
+
+    @operation
+    def search_integrals(
+        self,
+        /,
+        potential: str,
+        degree: tuple[int, int],
+        *,
+        body: Mapping[str, Exact] | Sequence[Exact] | None = None,
+        letters: Sequence[str] = (),
+        areas: int | None = None,
+        seconds: float | None = None,
+        **parameters: Exact,
+    ) -> Operation[Answer]:
+        """Find all polynomial integrals up to a degree in the velocities and one in γ.
+
+        The rest is as :meth:`integral` takes it.
+        """
+        omega, gamma = degree
+        asked = {"degree": {"omega": omega, "gamma": gamma}, "areas": areas}
+        document = lettered_document(potential, body, letters, parameters, **asked)
+        return Answer((yield from _answer(self.carrier, "integrals", document, seconds)))
+
+    @operation
+    def search_potentials(
+        self, degree: int, *, body: tuple[Exact, Exact] | None = None, seconds: float | None = None
+    ) -> Operation[Answer]:
+        """Find all polynomial potentials up to a degree that admit planar motions.
+
+        ``body`` is (A, C); without it every ratio is told at which there are more than at others.
+        """
+        document: Document = {"degree": degree}
+        if body is not None:
+            document["body"] = {"A": written(body[0]), "C": written(body[1])}
+        return Answer((yield from _answer(self.carrier, "potentials", document, seconds)))
+
+    @operation
+    def search(
+        self,
+        base: Given,
+        unknowns: Mapping[str, Sequence[Exact]],
+        *,
+        period: Exact | None = None,
+        energy: Exact | None = None,
+        trace: Exact | None = None,
+        psi1: Exact | None = None,
+        psi3: Exact | None = None,
+        seconds: float | None = None,
+    ) -> Operation[Numbers]:
+        """Find the numbers of a problem with which its motion has what is wanted, all of them.
+
+        Parameters
+        ----------
+        base
+            A problem with a planar motion, or its file.
+        unknowns
+            Smallest and largest values of one or two numbers, by JSON pointers such as ``/motion/lambda``.
+        period, energy, trace, psi1, psi3
+            As many as there are unknowns; text such as ``"2*pi/3"`` is a formula. The last two are the
+            precessions in a period, in radians.
+        seconds
+            How long to wait for a job.
+
+        Raises
+        ------
+        RefusedError, FailedError, UnfinishedError
+            As :meth:`atlas` raises them.
+        """
+        wanted = {"period": period, "energy": energy, "trace": trace, "psi1": psi1, "psi3": psi3}
+        document = search_document(base, unknowns, wanted)
+        return Numbers((yield from _answer(self.carrier, "numbers", document, seconds)))
