@@ -14,9 +14,9 @@ _EXACT_CONTEXT = Context(prec=30)
 
 
 ErrorKind = Literal["theorem", "estimate", "difference"]
-"""How the bound of an error is known: ``theorem``: proved, by balls that contain every value; ``estimate``:
-counted or modelled, rounding by rounding and term by term, but not proved; ``difference``: independent
-computations were compared, and what they differ by was enlarged."""
+"""The way in which the bound of an error is known: ``theorem``: proved, by balls that contain every value;
+``estimate``: counted or modelled, rounding by rounding and term by term, but not proved; ``difference``:
+independent computations were compared, and what they differ by was enlarged."""
 
 
 def is_within(error: float, limit: float) -> bool:

@@ -91,9 +91,9 @@ class Motion:
     error: float
     """Largest absolute error of any of the six variables over ``times``."""
     samples_kind: ErrorKind
-    """How ``error`` is known."""
+    """The way in which ``error`` is known."""
     function_kind: ErrorKind
-    """How the error of ``dense`` is known, but for that of its period."""
+    """The way in which the error of ``dense`` is known, but for that of its period."""
     energy: Estimate
     window: Window | None
     """Where on the curve a planar motion takes place; None if it was integrated from any state."""

@@ -50,7 +50,7 @@ KINDS: Mapping[Kind, int] = {
     "infinite": 1000,
     "cancellation": 1000,
 }
-"""How many problems of each are asked; the last two are classes of hostile ones."""
+"""Numbers of problems of each that are asked; the last two are classes of hostile ones."""
 HEADS: Mapping[Kind, str] = {
     "smooth": "## Smooth potentials\n",
     "passages": "## Motions through poles\n",

@@ -34,7 +34,7 @@ SETTINGS = {
 
 
 STALL_SECONDS = 8.0
-"""How long the network stalls: longer than a lease of those who use a cluster."""
+"""Seconds for which the network stalls: longer than a lease of those who use a cluster."""
 CLUSTER_SETTINGS = {
     # Its workers say each second that they live, on a machine that is busy with starting others.
     "POLHODE_LEASE_SECONDS": "5",

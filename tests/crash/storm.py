@@ -32,7 +32,7 @@ PREY = {
     **{"api": 2, "worker": 2, "helper": 1, "judge": 1, "child": 8},
     **{"scheduler": 1, "nanny": 1, "Dask worker": 2, "children's": 1, "network": 1},
 }
-"""How often each kind of process is killed, relative to the others; a network stalls for a while."""
+"""Weights with which a kind of process is chosen to be killed; a network stalls for a while."""
 RECOVERY_SECONDS = 180.0
 """Until an installation has started, and beside the storm's own length until all is done."""
 LONGEST = 5.0
@@ -48,7 +48,7 @@ class Figures:
     seconds: float = 0.0
     kills: Counter[str] = field(default_factory=Counter)
     stalls: int = 0
-    """How often the network to the cluster stalled."""
+    """The times that the network to the cluster stalled."""
     deaths: dict[int, float] = field(default_factory=dict)
     """When which process was killed."""
     acknowledged: list[str] = field(default_factory=list)

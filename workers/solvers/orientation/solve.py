@@ -70,7 +70,7 @@ class Orientation:
     notices: tuple[str, ...]
     """Why psi1 or psi3 is not there."""
     kind: ErrorKind
-    """How the errors of quaternion and angles are known: those of a motion are a part of them."""
+    """The way in which errors of quaternion and angles are known: those of a motion are a part of them."""
 
 
 Advances = Callable[[Loop, int], tuple[Advance, Advance]]

@@ -296,7 +296,7 @@ class Stability:
     """Linearly stable if |trace| < 2, unstable if > 2; marginal if the error does not tell, as where
     the multipliers are exactly 1: for every B if the energy does not depend on λ."""
     proof: Proof
-    """How ``error`` is known, hence the verdict and what else follows from the trace."""
+    """The way in which ``error`` is known, hence the verdict and what else follows from the trace."""
     exponent: float
     """Growth per unit time, log|μ| / T."""
     exponent_error: float

@@ -1,4 +1,4 @@
-"""What compiled code says that a function of time shows: what arrays say, and never of a false claim."""
+"""The compiled code says of a function of time what arrays say, and never of a false claim."""
 
 from dataclasses import replace
 from fractions import Fraction
