@@ -116,7 +116,7 @@ class Equations:
 
     @property
     def moments(self) -> FloatArray:
-        """The principal moments, a B that is left out as :func:`.field.rates_at` takes it."""
+        """The principal moments, a B that is left out as :func:`.rates_at` takes it."""
         body = self.body
         return np.array([float(body.A), float(body.A + body.C if body.B is None else body.B), float(body.C)])
 

@@ -15,10 +15,10 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.defect.equations import integrals_at
 from service.dynamics.equations.orientation import LOCAL_QUATERNION, VERTICAL_ANGLE
 from service.dynamics.errors import MissingMomentError
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
-from service.dynamics.formula.tape import Tape
 from service.dynamics.motion import COLUMNS, Estimate, Motion
 from service.dynamics.problem import Problem, TimePeriods
 from service.dynamics.sampling import exact_instants, sample_times
@@ -76,18 +76,17 @@ def prove_motion(
         found = enclose(system, start, instants, bits, watch=watch)
     with ctx.workprec(found.precision):
         state = start()
-        energy = energy_of(body, potential.tape, state)
-        rates = [ball(moment) * rate for moment, rate in zip((body.A, body.B, body.C), state, strict=False)]
-        areas, geometric = _dot(rates, state[3:6]), _dot(state[3:6], state[3:6])
+        value = potential.tape.evaluate(BallAlgebra(), state[3:6])
+        integrals = integrals_at(BallAlgebra(), body, state, value)
     certified = Certified(
         None,
-        energy,
+        integrals.energy,
         found.states,
         tuple(map(ball, instants)),
         bits,
         "steps",
-        areas=areas,
-        geometric=geometric,
+        areas=integrals.areas,
+        geometric=integrals.geometric,
         columns=columns,
     )
     dense = function_of_time(found, columns)
@@ -101,7 +100,7 @@ def prove_motion(
         error=dense.error,
         samples_kind="theorem",
         function_kind="theorem",
-        energy=Estimate.of(energy),
+        energy=Estimate.of(integrals.energy),
         window=None,
         aperiodic=None,
         past=None,
@@ -150,17 +149,6 @@ def _with_attitude(start: Start, axes: tuple[int, ...]) -> tuple[arb, ...]:
         turn, other, sign = arb.atan2(g2, side) / 2, arb.atan2(-g1, g3) / 2, 1
     (s1, c1), (s2, c2) = turn.sin_cos(), other.sin_cos()
     return (*state, c1 * c2, s1 * c2, c1 * s2, sign * s1 * s2, *(arb(0) for _ in axes))
-
-
-def energy_of(body: RigidBody, potential: Tape, state: Sequence[arb]) -> arb:
-    """Return the ball of (A p² + B q² + C r²)/2 + V."""
-    squares = zip((body.A, body.B or Fraction(0), body.C), state, strict=False)
-    kinetic = sum((ball(moment / 2) * rate * rate for moment, rate in squares), arb(0))
-    return kinetic + potential.evaluate(BallAlgebra(), state[3:6])
-
-
-def _dot(left: Sequence[arb], right: Sequence[arb]) -> arb:
-    return sum((x * y for x, y in zip(left, right, strict=True)), arb(0))
 
 
 def function_of_time(found: Enclosure, columns: tuple[str, ...]) -> DenseOutput:

@@ -10,6 +10,7 @@ from fractions import Fraction
 from typing import Protocol, TypeVar, cast
 
 from service.dynamics.body import RigidBody
+from service.dynamics.defect.equations import rates_at, value_and_gradient
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.tape import Instruction, Operation, Tape
@@ -88,6 +89,13 @@ class _ZeroTracer(Tracer):
             return self.zero
         return left if right is self._one else right if left is self._one else super().multiply(left, right)
 
+    def divide(self, left: Traced, right: Traced) -> Traced:
+        """Return left / right; by a constant as a product."""
+        step = self._steps[right.number]
+        if step.operation == "constant" and step.number:
+            return self.multiply(self.constant(1 / step.number), left)
+        return super().divide(left, right)
+
     def negate(self, operand: Traced) -> Traced:
         """Return -operand."""
         return operand if operand is self.zero else super().negate(operand)
@@ -143,26 +151,8 @@ class EulerPoisson:
 
     def right_side(self, algebra: Algebra[T], state: Sequence[T]) -> Sequence[T]:
         """Return I⁻¹ (Iω × ω + γ × ∇V) and γ × ω."""
-        body, (p, q, r, g1, g2, g3) = self.body, state
-        A, B, C = body.A, body.C if body.B is None else body.B, body.C
-        jets = FirstOrderJets(algebra, 3)
-        V1, V2, V3 = jets.gradient(self.potential.evaluate(jets, jets.variables((g1, g2, g3))))
-
-        def minor(a: T, b: T, c: T, d: T) -> T:
-            return algebra.subtract(algebra.multiply(a, b), algebra.multiply(c, d))
-
-        def turned(moment: Fraction, difference: Fraction, product: T, torque: T) -> T:
-            gyroscopic = algebra.multiply(algebra.constant(difference / moment), product)
-            return algebra.add(gyroscopic, algebra.multiply(algebra.constant(1 / moment), torque))
-
-        return (
-            turned(A, B - C, algebra.multiply(q, r), minor(g2, V3, g3, V2)),
-            turned(B, C - A, algebra.multiply(p, r), minor(g3, V1, g1, V3)),
-            turned(C, A - B, algebra.multiply(p, q), minor(g1, V2, g2, V1)),
-            minor(r, g2, q, g3),
-            minor(p, g3, r, g1),
-            minor(q, g1, p, g2),
-        )
+        _, gradient = value_and_gradient(algebra, self.potential, state[3:6])
+        return rates_at(algebra, self.body, state, gradient)
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,7 +80,7 @@ def _equations(body: RigidBody, potential: Potential) -> Equations | None:
 
 
 def _moments(body: RigidBody) -> FloatArray:
-    # A moment B that was left out is taken as :func:`.field.rates_at` takes it.
+    # A moment B that was left out is taken as :func:`.rates_at` takes it.
     A, C = body.A, body.C
     B = A + C if body.B is None else body.B
     moments: Sequence[float] = [float(each) for each in (A, B, C, B - C, C - A, A - B)]
