@@ -44,6 +44,17 @@ def work(jobs):
     return claim.job_id
 
 
+def ask_and_wait(client, jobs, document):
+    """Ask, let a worker answer meanwhile, and return what the waiting client is told, with the job's id."""
+    with ThreadPoolExecutor(1) as pool:
+        asking = pool.submit(client.post, "/v1/searches", json=document, headers={"Prefer": "wait=30"})
+        while not client.get("/v1/jobs?kind=study").json()["items"]:
+            pass
+        its_id = work(jobs)
+        client.app.state.resources.wake_up.announce(its_id)
+        return asking.result(), its_id
+
+
 @pytest.mark.any_database
 def test_a_study_lives_as_a_job_with_its_result(client, jobs, database):
     its_id = submit(client)
@@ -92,26 +103,14 @@ def test_studies_are_listed_by_their_kind_and_marked_with_labels(client, jobs):
 
 
 def test_a_waiting_client_gets_the_answer_itself(client, jobs):
-    with ThreadPoolExecutor(1) as pool:
-        asking = pool.submit(client.post, "/v1/searches", json=SEARCH, headers={"Prefer": "wait=30"})
-        while not client.get("/v1/jobs?kind=study").json()["items"]:
-            pass
-        its_id = work(jobs)
-        client.app.state.resources.wake_up.announce(its_id)
-        answer = asking.result()
+    answer, its_id = ask_and_wait(client, jobs, SEARCH)
     assert answer.status_code == 200
     assert answer.json() == client.get(f"/v1/jobs/{its_id}").json()["result"]
 
 
 def test_a_waiting_client_is_told_why_a_base_has_no_answer(client, jobs):
     inadmissible = {**SEARCH, "base": {**BASE, "potential": {"type": "gravity", "a": 1, "b": 1}}}
-    with ThreadPoolExecutor(1) as pool:
-        asking = pool.submit(client.post, "/v1/searches", json=inadmissible, headers={"Prefer": "wait=30"})
-        while not client.get("/v1/jobs?kind=study").json()["items"]:
-            pass
-        its_id = work(jobs)
-        client.app.state.resources.wake_up.announce(its_id)
-        answer = asking.result()
+    answer, its_id = ask_and_wait(client, jobs, inadmissible)
     assert answer.status_code == 422
     assert answer.json()["type"] == "urn:polhode:problem:inadmissible_potential"
     assert answer.json()["errors"][0]["pointer"] == "/base/potential"
