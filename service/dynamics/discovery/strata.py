@@ -7,7 +7,6 @@ for a letter that it is linear in; one that is linear in none stays, as a condit
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from random import Random
 
 from flint import fmpz, fmpz_mat, fmpz_mpoly, fmpz_mpoly_ctx, nmod_mat, nmod_poly
 
@@ -424,10 +423,16 @@ def root_modulo(values: Sequence[int], prime: int = PRIME) -> int | None:
 
 
 def random_numbers(prime: int = PRIME) -> Iterator[int]:
-    """Yield numbers modulo the prime, always the same, that have nothing to do with each other."""
-    source = Random(prime)
+    """Yield numbers modulo the prime, always the same, as good as random (SplitMix64, Steele et al. 2014).
+
+    They must not be tied by polynomials, as those of a linear congruential generator are.
+    """
+    state, words = 0, 1 << 64
     while True:
-        yield source.randrange(prime)
+        state = (state + 0x9E3779B97F4A7C15) % words
+        mixed = (state ^ state >> 30) * 0xBF58476D1CE4E5B9 % words
+        mixed = (mixed ^ mixed >> 27) * 0x94D049BB133111EB % words
+        yield (mixed ^ mixed >> 31) % prime
 
 
 def _equal(left: fmpz_mpoly, right: fmpz_mpoly) -> bool:

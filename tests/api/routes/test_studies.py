@@ -220,4 +220,6 @@ def test_every_fault_has_its_pointer(client):
     assert faults(client, base={**BASE, "body": {"A": 2, "C": 2}}) == {"/base/body": "equal_moments"}
     negative = {**unknown, "interval": [-1, 2]}
     assert faults(client, unknowns=[negative]) == {"/unknowns/0/interval/0": "out_of_range"}
+    endless = {**unknown, "interval": [1, 1e300]}
+    assert faults(client, unknowns=[endless]) == {"/unknowns/0/interval/1": "out_of_range"}
     assert faults(client, wanted=[{"of": "trace", "equals": 2}]) == {"/base/body/B": "missing_moment"}
