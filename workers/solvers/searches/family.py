@@ -94,17 +94,17 @@ class FamilyCurve:
         one, three = (family.C, family.A) if family.mirrored else (family.A, family.C)
         self.A, self.C = self._number(one), self._number(three)
         self.alpha = self.A / self.C
-        self._exact = None
+        self.exact_alpha = exact = None
         if isinstance(one, Fraction) and isinstance(three, Fraction):
-            self._exact = one / three
-        is_whole = self._exact is not None and self._exact.denominator == 1 and self._exact <= MANY
-        self._whole = int(self._exact or 0) if is_whole else 0
+            self.exact_alpha = exact = one / three
+        is_whole = exact is not None and exact.denominator == 1 and exact <= MANY
+        self._whole = int(exact or 0) if is_whole else 0
         if side == 0 and (not self._whole or self._whole % 2):
             raise PrecisionNeededError("a way through a pole")
         log = self._number(family.size).log(True) / (2 if family.is_square else 1)
         self._log = -log / self.alpha if family.mirrored else log
         self.Z, self.G, *self._slopes = self._equator(self._log)
-        self._inputs = tuple(self.numbers[k] for k in family.extra)
+        self.parameters = tuple(self.numbers[k] for k in family.extra)
 
     def _number(self, slot: Slot) -> acb:
         return self.numbers[slot] if isinstance(slot, int) else _ALGEBRA.constant(slot)
@@ -166,7 +166,7 @@ class FamilyCurve:
         at = middle.place(self._quiet)
         g1, g2, g3 = at.gamma
         seeds = [_JETS.seed(g1, (-g3,)), _JETS.seed(g2, (None,)), _JETS.seed(g3, (g1,))]
-        beside = [_JETS.seed(value, (None,)) for value in middle._inputs]
+        beside = [_JETS.seed(value, (None,)) for value in middle.parameters]
         V = self.family.tape.evaluate(_JETS, (*seeds, *beside))
         A, C = (middle.C, middle.A) if self.family.mirrored else (middle.A, middle.C)
         (D,) = _JETS.gradient(V)
@@ -176,7 +176,7 @@ class FamilyCurve:
     def N(self, v: acb, at: FamilyPlace | None = None) -> acb:
         """Return h − V; about the middle of the numbers, if these are wide."""
         at = self.place(v) if at is None else at
-        plain = self.h - self.family.tape.evaluate(_ALGEBRA, (*at.gamma, *self._inputs))
+        plain = self.h - self.family.tape.evaluate(_ALGEBRA, (*at.gamma, *self.parameters))
         if self._middle is None:
             return plain
         jets, beside = self._jets, [self._numbers[k] for k in self.family.extra]
@@ -271,7 +271,7 @@ class FamilyCurve:
         return 2 * self.C / (self.A * (self.C + self.A * ratio * ratio))
 
     def _beside(self, jets: FirstOrderJets[acb]) -> list[Jet[acb]]:
-        return [jets.seed(value, (None,)) for value in self._inputs]
+        return [jets.seed(value, (None,)) for value in self.parameters]
 
     def slope(self, v: acb) -> acb:
         """Return dN/dv."""
