@@ -7,7 +7,7 @@ import json
 import os
 import subprocess
 import sys
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import pytest
@@ -90,8 +90,11 @@ def start(tmp_path):
 
 def holds_open(process, file):
     """Tell whether a process has a file open: so it waits for its lock."""
-    opened = Path(f"/proc/{process.pid}/fd")
-    return any(each.readlink() == file for each in opened.iterdir() if each.is_symlink())
+    for opened in Path(f"/proc/{process.pid}/fd").iterdir():
+        with suppress(FileNotFoundError):  # what was open is closed by now
+            if opened.readlink() == file:
+                return True
+    return False
 
 
 def test_of_tasks_at_once_one_compiles_and_where_it_is_killed_another_goes_on(start, tmp_path):
