@@ -17,6 +17,7 @@ from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tree import Tree
 from service.dynamics.problem import PlanarMotion, Problem
+from service.schemas.atlas.reading import LARGEST, SMALLEST
 from service.schemas.problem.problem import each_once, read_problem
 from service.schemas.problem.trusted import trusted_problem
 from service.schemas.reading.documents import (
@@ -255,6 +256,10 @@ def _base_faults(search: Search) -> Iterator[Fault]:
             except InvalidProblemError as error:
                 fault = error.faults[0]
                 yield Fault(f"/unknowns/{place}/interval/{end}", fault.code, fault.message)
+            else:
+                if each.path == ("motion", "lambda") and not SMALLEST <= value <= LARGEST:
+                    message = f"{float(value):g}; accepted are 1e-9 to 1e9"
+                    yield Fault(f"/unknowns/{place}/interval/{end}", "out_of_range", message)
 
 
 def _reader(model: type[BaseModel]) -> Callable[[object], object]:
