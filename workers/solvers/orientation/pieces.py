@@ -16,7 +16,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from service.dynamics.equations.orientation import quaternion_product
+from service.dynamics.equations.orientation import azimuth_rate, quaternion_product
 from service.dynamics.errors import DynamicsError
 from service.dynamics.solution.dense_output import (
     EPSILON,
@@ -130,10 +130,10 @@ class _Solver:
         left, right = self._dense.breaks[parent], self._dense.breaks[parent + 1]
         half = 0.25 * (right - left) * (high - low)
         motion, values = self._motion(parent, low, high)
-        omega, gamma = values[:, :, :3], values[:, :, 3:]
+        omega = values[:, :, :3]
         turn = half * np.sqrt(np.square(omega).sum(axis=2).max(axis=1))
         propagators = self._interpolation @ self._propagators(omega, half)
-        increments, weights, tilts = self._angles(omega, gamma, half)
+        increments, weights, tilts = self._angles(values, half)
         series = self._interpolation @ increments
         tails = np.concatenate(
             [np.abs(propagators[:, -2:]).max(axis=(1, 2))[:, None], np.abs(series[:, -2:]).max(axis=1)],
@@ -175,23 +175,16 @@ class _Solver:
             phi = identity + self._integration @ quaternion_product(phi, rate)
         return phi
 
-    def _angles(
-        self, omega: FloatArray, gamma: FloatArray, half: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _angles(self, values: FloatArray, half: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the azimuths' increments at the points, their weights, and how close the axes come."""
-        tilts = np.full(len(omega), np.inf)
-        increments = np.empty((*omega.shape[:2], len(self._axes)))
-        weights = np.empty((len(omega), len(self._axes)))
+        tilts = np.full(len(values), np.inf)
+        increments = np.empty((*values.shape[:2], len(self._axes)))
+        weights = np.empty((len(values), len(self._axes)))
         for k, axis in enumerate(self._axes):
-            others = [other for other in range(3) if other != axis]
-            w, g = omega[:, :, others], gamma[:, :, others]
-            square = np.square(g).sum(axis=2)
+            rate, slopes, square = azimuth_rate(values, axis)
             if square.min() < self._closest**2:
                 raise VerticalAxisError(axis)
             tilts = np.minimum(tilts, np.sqrt(square.min(axis=1)))
-            rate = (w * g).sum(axis=2) / square
-            size = np.abs(g).sum(axis=2)
-            slope = (size + np.abs(w).sum(axis=2) + 2.0 * np.abs(rate) * size) / square
             increments[:, :, k] = half[:, None] * (rate @ self._integration.T)
-            weights[:, k] = half * (slope @ self._integration[0])
+            weights[:, k] = half * (np.abs(slopes).sum(axis=2) @ self._integration[0])
         return increments, weights, tilts
