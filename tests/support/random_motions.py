@@ -227,8 +227,8 @@ def _near_upright(draws: np.random.Generator) -> Setting:
         moments = (moments[0], moments[0], moments[2])
     strength = _number(0.3, 3.0, draws)
     critical = 2.0 * sqrt(float(strength * max(moments[:2]))) / float(moments[2])
-    # The attitude of one that passes the vertical within less takes minutes.
-    gap = 10.0 ** draws.uniform(-3, -0.5)
+    # Nearer than VERTICAL_ANGLE there is no azimuth.
+    gap = 10.0 ** draws.uniform(-6, -0.5)
     omega = [
         _number(-gap, gap, draws),
         _number(-gap, gap, draws),
