@@ -22,7 +22,7 @@ from tests.support.effort import one_in
 from tests.support.keys import make
 from tests.support.serving import Service, serving
 from tests.support.sweeps import store_points
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 CAPACITY = 150
 SAMPLES = 100_000

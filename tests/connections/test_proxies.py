@@ -21,7 +21,7 @@ from tests.support.api import PLANAR
 from tests.support.databases import url_of
 from tests.support.serving import Service, serving
 from tests.support.sweeps import store_points
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 PATH = f"{os.environ['PATH']}:/usr/sbin:/usr/local/sbin"
 PROXIES = {name: shutil.which(name, path=PATH) for name in ("nginx", "caddy")}

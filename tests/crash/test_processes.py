@@ -17,7 +17,8 @@ from tests.support.databases import url_of
 from tests.support.effort import seldom
 from tests.support.lists import list_jobs
 from tests.support.serving import serving
-from tests.workers.processes import PATIENCE, Worker, wait_until
+from tests.support.waiting import PATIENCE, wait_until
+from tests.workers.processes import Worker
 
 COMMITS = (1, 3, 5, 7)
 """Commits of a worker that announces itself, takes jobs of each kind below, keeps leases, and ends the jobs.

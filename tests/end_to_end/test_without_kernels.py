@@ -10,7 +10,7 @@ from service.dynamics.classical.catalogue import CASES
 from service.jobs.kernels import NEVER, WAITS
 from service.local.worker_process import FOLDER_VARIABLE
 from tests.support.serving import serving
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 from workers.computation.compiled_code import WAY_VARIABLE
 
 PLANAR = {

@@ -14,7 +14,8 @@ import pytest
 
 from service.jobs.kernels import KERNELS, Kernels
 from service.local.worker_process import FOLDER_VARIABLE
-from tests.workers.processes import ROOT, wait_until
+from tests.support.waiting import wait_until
+from tests.workers.processes import ROOT
 from workers.cli import compile as task
 from workers.computation import compiled_code
 from workers.computation.compiled_code import GROUPS

@@ -13,7 +13,7 @@ from pyarrow import csv, ipc, parquet
 
 from service.schemas.sweep.reading import read_sweep
 from tests.support.commands import polhode
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 from workers.computation.compute import solve_document
 
 POLHODE = Path(sys.executable).with_name("polhode")

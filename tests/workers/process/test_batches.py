@@ -10,9 +10,9 @@ import pytest
 
 from service.jobs.queue import BatchSize
 from service.jobs.records import AttemptOutcome, Claim, JobKind, JobState
+from tests.support.waiting import is_alive, wait_until
 from tests.workers import chores
 from tests.workers.process.together import LIMITS, Together
-from tests.workers.processes import wait_until
 from workers.process import runner as runner_module
 from workers.process.batches import shared_out
 from workers.process.pool import Ledger, compute_in_turn
@@ -116,7 +116,7 @@ def test_cancelling_the_one_that_runs_kills_its_child_and_no_other_job(together,
     crew.jobs.cancel(ids[1])
     assert crew.finish(ids) == [JobState.SUCCEEDED, JobState.CANCELLED, *[JobState.SUCCEEDED] * 3]
     assert crew.outcomes(ids[1]) == [AttemptOutcome.CANCELLED]
-    wait_until(lambda: not Path(f"/proc/{begun(log)[0]}").exists())
+    wait_until(lambda: not is_alive(begun(log)[0]))
 
 
 def test_jobs_behind_a_long_one_go_back_to_the_queue_for_others(together, jobs, tmp_path, monkeypatch):

@@ -8,7 +8,8 @@ import pytest
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, JobState
 from service.storage.jobs.moves import BEGUN
-from tests.workers.processes import stop_between_transactions, wait_until
+from tests.support.waiting import wait_until
+from tests.workers.processes import stop_between_transactions
 
 LEASE = 1.0
 """Lease of the workers in these tests."""

@@ -1,6 +1,5 @@
 """What becomes of jobs in a real worker: limits, cancelling, stopping, waking."""
 
-import os
 import signal
 
 import pytest
@@ -10,8 +9,7 @@ from service.local.wakeup import WakeUpSocket
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.lists import list_jobs
-from tests.support.waiting import wait_for
-from tests.workers.processes import PATIENCE, wait_until
+from tests.support.waiting import PATIENCE, is_alive, wait_for, wait_until
 
 pytestmark = pytest.mark.any_database
 
@@ -34,10 +32,6 @@ def started(log):
 
 def finished(jobs, job):
     return wait_until(lambda: jobs.get(job.id).is_finished and jobs.get(job.id))
-
-
-def is_alive(pid):
-    return os.path.exists(f"/proc/{pid}")  # noqa: PTH110
 
 
 def test_jobs_succeed_with_their_results(jobs, solutions, start_worker):

@@ -7,8 +7,8 @@ import pytest
 
 from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
+from tests.support.waiting import wait_until
 from tests.workers import chores
-from tests.workers.processes import wait_until
 from workers.process import pool as pool_module
 from workers.process.pool import ChildrenPool
 from workers.process.results import JobLimits

@@ -17,8 +17,7 @@ from tests.support.golden import GOLDEN
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
 from tests.workers.solvers.closed_form.reference import Reference, spread
-from workers.solvers.closed_form.elliptic import make_closed_form
-from workers.solvers.closed_form.family import solve_closed_form
+from workers.solvers.closed_form.family import make_closed_form, solve_closed_form
 from workers.solvers.three_terms.intervals import intervals, make_curve
 from workers.solvers.three_terms.variables import MirrorImage, trip_time
 

@@ -12,7 +12,7 @@ from service.dynamics.sampling import PeriodNeededError
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
 from workers.solvers.integration.solve import integrate_state
-from workers.solvers.quadrature.aperiodic import MotionEndedError
+from workers.solvers.quadrature.family import MotionEndedError
 
 DOUBLE = body(2, 1, "3/2")
 NU_1 = PlanarMotion(None, Fraction(1))

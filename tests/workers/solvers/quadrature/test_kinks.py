@@ -17,8 +17,13 @@ from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula
 from workers.solvers.orbits.orbit import make_orbit
-from workers.solvers.quadrature.kinks import branches, with_absolute_values
-from workers.solvers.quadrature.squared_speed import _Branched, phase_speed, time_map_of
+from workers.solvers.quadrature.squared_speed import (
+    _Branched,
+    branches,
+    phase_speed,
+    time_map_of,
+    with_absolute_values,
+)
 from workers.solvers.quadrature.time_map import make_time_map
 
 BODY = body(2, 1)
