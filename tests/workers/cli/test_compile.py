@@ -95,6 +95,7 @@ def holds_open(process, file):
     return any(each.readlink() == file for each in opened.iterdir() if each.is_symlink())
 
 
+@pytest.mark.long
 def test_of_tasks_at_once_one_compiles_and_where_it_is_killed_another_goes_on(start, tmp_path):
     killed = start(stop_after=2)
     assert killed.stdout.readline() == "stopped\n"

@@ -205,6 +205,7 @@ def test_two_bridges_share_a_cluster(own_cluster, connected):
     assert all(len(batch.outcomes()) == 1 for batch in batches)
 
 
+@pytest.mark.long
 def test_a_scheduler_that_is_started_anew_costs_nobody_an_attempt(own_cluster, connected, tmp_path):
     pool, log = connected(own_cluster, places=2), tmp_path / "log"
     batch = start(pool, {"chore": "sleep", "seconds": HOUR, "log": str(log)})
@@ -297,6 +298,7 @@ for message in (pickle.dumps(print), dumps({"reply": to_serialize(threading.Even
 """
 
 
+@pytest.mark.long
 def test_a_bridge_unpickles_nothing_but_bytes():
     done = subprocess.run([sys.executable, "-c", REFUSING], capture_output=True, text=True, cwd=ROOT)
     assert done.stdout.split() == ["refused", "MessageError"] * 2, done.stderr[-2000:]

@@ -47,6 +47,7 @@ def test_jobs_succeed_with_their_results(jobs, solutions, start_worker):
         )
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("chore", "code"),
     [
@@ -199,6 +200,7 @@ def test_points_that_a_chunk_hands_back_are_computed_by_another(database, start_
     assert finished_sweep(database, sweep) == {}
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("chore", "code"),
     [("crash", "lost_worker"), ("raise", "internal_error"), ("spin", "time_limit"), ("hog", "memory_limit")],

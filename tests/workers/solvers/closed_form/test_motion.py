@@ -121,6 +121,7 @@ CASES = [
 ]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("terms", "nu"), CASES)
 def test_error_bounds_the_departure_from_another_formula(terms, nu):
     nu = Fraction(nu)

@@ -88,6 +88,7 @@ CASES = {
 }
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("text", "window", "c", "G", "moves", "power"), CASES.values(), ids=CASES)
 def test_the_time_of_a_collision_is_that_of_another_quadrature(text, window, c, G, moves, power):
     with mpmath.workdps(40):

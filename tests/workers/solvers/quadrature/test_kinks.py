@@ -42,6 +42,7 @@ def exact(period) -> arb:
 KINKS = ["abs(g2-3/10)/5", "sqrt((g2+1/7)^2)/10", "(abs(g2-3/4)+(g2-3/4))^2/3", "exp(-abs(g2-1/5)*100)/9"]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("text", KINKS)
 def test_periods_are_those_without_the_cuts(text: str) -> None:
     with ctx.workprec(160):
