@@ -64,7 +64,7 @@ def get(address, path):
 @pytest.mark.parametrize(
     "name",
     # More of the same clients are measured only.
-    one_in(2, (name for name in ATTACKS if not name.startswith("many"))),
+    one_in(4, (name for name in ATTACKS if not name.startswith("many"))),
 )
 def test_those_who_do_not_read_stop_nobody_and_fill_no_memory(service, name):
     running, named = service
@@ -117,6 +117,7 @@ def test_those_who_do_not_read_make_room_for_new_connections(service):
         assert get(running.address, "/livez")
 
 
+@pytest.mark.long
 def test_one_key_that_does_not_read_keeps_no_other_from_large_answers(tmp_path):
     url = url_of(tmp_path / "polhode.db")
     migrate(url)
