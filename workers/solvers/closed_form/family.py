@@ -92,7 +92,7 @@ def make_amplitude(a: float, b: float) -> Amplitude:
 PERIOD_BITS = 112
 CONSTANT_BITS = 60
 """Relative accuracy demanded of the balls: of the period, which is two doubles, and of what becomes one."""
-SMALLEST = 2.0**-250
+MIN_CONSTANT = 2.0**-250
 """Constants below it, or above its inverse, are left to balls: four of them may be multiplied."""
 PHASE_RADIUS = 2.0**-60
 """Accuracy demanded of the phase of the start."""
@@ -228,7 +228,7 @@ def _require(value: arb, bits: int) -> None:
         return
     if not value.is_finite() or value.rel_accuracy_bits() < bits:
         raise RootsUndecidedError(f"a constant is known to fewer than {bits} bits")
-    if not SMALLEST < abs(value) < 1.0 / SMALLEST:
+    if not MIN_CONSTANT < abs(value) < 1.0 / MIN_CONSTANT:
         raise RootsUndecidedError("a constant whose products with others are beyond doubles")
 
 

@@ -47,13 +47,13 @@ from workers.solvers.orbits.near_rest import SlowOrbit
 from workers.solvers.orbits.orbit import Libration, Rotation, starting_state
 from workers.solvers.quadrature.flight import Flight, Reach, asymptote, make_flight, reach
 from workers.solvers.quadrature.phase_sampler import GradedSamples, phase_sampler, series_sampler
-from workers.solvers.quadrature.squared_speed import KEPT, time_map_of
+from workers.solvers.quadrature.squared_speed import CACHED_TIME_MAPS, time_map_of
 from workers.solvers.quadrature.time_map import make_time_map
 
 FloatArray = NDArray[np.float64]
 
 DOUBLE_ZERO_BITS = 320
-"""Bits with which a double zero, a minimum of P, is found to 2^-140: far beyond exp(-FARTHEST)."""
+"""Bits with which a double zero, a minimum of P, is found to 2^-140: far beyond exp(−FARTHEST_Y)."""
 
 
 class MotionEndedError(DynamicsError):
@@ -253,7 +253,7 @@ class _OnLoop:
     loop: Loop = field(compare=False)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED_TIME_MAPS)
 def _along(asked: _OnLoop) -> AlongCurve:
     loop = asked.loop
     return along_curve(asked.potential, LoopCurve(loop.alpha, loop.Z, loop.G, loop.mirrored))

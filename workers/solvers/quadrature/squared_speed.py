@@ -34,12 +34,12 @@ from workers.solvers.quadrature.flight import Flight
 from workers.solvers.quadrature.speeds import FlightSpeed, LibrationSpeed, RotationSpeed, Speed
 from workers.solvers.quadrature.time_map import make_time_map
 
-NARROWEST = 1e-15
+KINK_MAX_WIDTH_U = 1e-15
 """Width in u of a stretch that holds a kink: a few roundings of u."""
-MOST_STRETCHES = 3000
+MAX_KINK_STRETCHES = 3000
 """Beyond which kinks are not looked for: they are in too many places."""
 
-NEAR = 4.0
+EXP_AS_GIVEN_MAX_X = 4.0
 """|x| up to which exp(x) is as good as exp(−x)."""
 
 Places = Callable[[float, float], tuple[arb, arb, arb] | None]
@@ -140,7 +140,7 @@ class _Argument:
         value = self.tape.evaluate(BallAlgebra(), gamma)
         if value > 0 or value < 0:
             return 1 if value > 0 else -1
-        return 0 if is_last or (self.is_exponent and abs(value) < NEAR) else None
+        return 0 if is_last or (self.is_exponent and abs(value) < EXP_AS_GIVEN_MAX_X) else None
 
 
 def _stretches(
@@ -149,11 +149,11 @@ def _stretches(
     """Return stretches in order, neighbours with the same signs joined."""
     pending = list(first)[::-1]
     done: list[_Stretch] = []
-    for _ in range(MOST_STRETCHES):
+    for _ in range(MAX_KINK_STRETCHES):
         if not pending:
             return done
         left, right = pending.pop()
-        is_last, gamma = right - left < NARROWEST, places(left, right)
+        is_last, gamma = right - left < KINK_MAX_WIDTH_U, places(left, right)
         if gamma is None:
             sides: list[int | None] = [0 if is_last else None] * len(arguments)
         else:
@@ -169,7 +169,7 @@ def _stretches(
     return None
 
 
-KEPT = 4
+CACHED_TIME_MAPS = 4
 """Time maps that are remembered: a job may ask for that of one motion in several tiers and by two methods."""
 
 
@@ -192,7 +192,7 @@ class _Asked:
     way: Libration | Rotation | Flight = field(compare=False)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED_TIME_MAPS)
 def _known(asked: _Asked) -> TimeMap:
     way = asked.way
     return make_time_map(way.rate, way.corners, is_even=way.is_even, speed=phase_speed(way))
