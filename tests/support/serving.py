@@ -17,6 +17,8 @@ from typing import IO
 
 import pytest
 
+from tests.support.waiting import PATIENCE
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -85,7 +87,7 @@ def serving(
     finally:
         process.send_signal(signal.SIGTERM)
         try:
-            process.wait(timeout=30)
+            process.wait(timeout=PATIENCE)
         finally:
             # Whatever a failed test left behind in the session goes with it.
             with suppress(ProcessLookupError):

@@ -10,7 +10,7 @@ import pytest
 
 from service.jobs.queue import BatchSize
 from service.jobs.records import AttemptOutcome, Claim, JobKind, JobState
-from tests.support.waiting import is_alive, wait_until
+from tests.support.waiting import PATIENCE, is_alive, wait_until
 from tests.workers import chores
 from tests.workers.process.together import LIMITS, Together
 from workers.process import runner as runner_module
@@ -151,7 +151,7 @@ def test_a_child_that_is_killed_from_outside_costs_an_attempt_of_the_one_that_it
 @pytest.mark.parametrize("pool", ["local"], indirect=True)  # its child is stopped
 def test_a_child_that_dies_before_it_begins_costs_nobody_an_attempt(together, sandbox, caplog):
     crew = together(max_attempts=1)
-    child = sandbox.run(os.getpid, seconds=30)
+    child = sandbox.run(os.getpid, seconds=PATIENCE)
     os.kill(child, signal.SIGSTOP)  # it takes the call, and begins nothing
     ids = crew.submit(*({} for _ in range(TOGETHER)))
     crew.turn()
