@@ -14,7 +14,8 @@ import pytest
 
 from service.jobs.kernels import KERNELS, Kernels
 from service.local.worker_process import FOLDER_VARIABLE
-from tests.workers.processes import ROOT, wait_until
+from tests.support.waiting import wait_until
+from tests.workers.processes import ROOT
 from workers.cli import compile as task
 from workers.computation import compiled_code
 from workers.computation.compiled_code import GROUPS
@@ -97,6 +98,7 @@ def holds_open(process, file):
     return False
 
 
+@pytest.mark.long
 def test_of_tasks_at_once_one_compiles_and_where_it_is_killed_another_goes_on(start, tmp_path):
     killed = start(stop_after=2)
     assert killed.stdout.readline() == "stopped\n"

@@ -86,6 +86,7 @@ def test_an_integration_of_a_planar_motion_encloses_what_its_quadrature_does():
     assert all(x.overlaps(y) for x, y in zip(by_steps.states[-1], by_quadrature.states[0], strict=True))
 
 
+@pytest.mark.long
 def test_a_collision_is_proven_until_shortly_before_it():
     """The time of the collision is that of its quadrature (32 digits): 1.066475594076…"""
     kept = solved(potential=COLLIDING, motion=NU_1, time={"stop": "1066475/1000000", "samples": 2}).summary

@@ -12,7 +12,7 @@ from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.potentials.potential import VALUE
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.geometry.point import BALLS, make_equator
-from workers.solvers.complex_plane.complex_loop import MANY, geometric
+from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA, geometric
 
 NEAR = 2.0**-10
 
@@ -36,7 +36,7 @@ class RealLoop:
         self._potential, self._slope = (traced_program(tape, way).at(ctx.prec) for way in (VALUE, SLOPE))
         alpha = loop.alpha
         self._power = alpha.numerator - 1
-        self._is_summed = alpha.denominator == 1 and (alpha <= MANY or side == 0)
+        self._is_summed = alpha.denominator == 1 and (alpha <= MAX_WHOLE_ALPHA or side == 0)
         self._alpha, self._first, self._third = ball(alpha), loop.g1_sign * loop.G, loop.Z
         self._equator = make_equator(loop.Z, loop.G, self._alpha)
         self._Z_squared, self._G_squared = self._equator.Z_squared, self._equator.G_squared

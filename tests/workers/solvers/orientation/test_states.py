@@ -40,6 +40,7 @@ def quaternion_at(orientation, times):
     return np.stack([columns[name] for name in QUATERNION], axis=1)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("integrator", [HEYOKA, "dop853"])
 @pytest.mark.parametrize(
     ("omega", "gamma", "named"),
