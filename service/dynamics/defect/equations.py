@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.discs import Disc, DiscAlgebra
-from service.dynamics.formula.algebras.interval_bounds import ARITHMETIC, widened
+from service.dynamics.formula.algebras.interval_bounds import OPERATION_ROUNDING, widened
 from service.dynamics.formula.algebras.intervals import IntervalAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.algebras.real import RealAlgebra
@@ -163,7 +163,7 @@ class Equations:
         state = _discs(centres, radii)
         value = self._formula().evaluate(DiscAlgebra(), state[3:])
         if not np.isfinite(value.radius).all():
-            spread = self.value_spread(centres[3:], radii[3:]) + ARITHMETIC * np.abs(value.centre)
+            spread = self.value_spread(centres[3:], radii[3:]) + OPERATION_ROUNDING * np.abs(value.centre)
             value = Disc(value.centre, np.where(np.isfinite(value.radius), value.radius, spread))
         found: Integrals[Disc] = integrals_at(DiscAlgebra(), self.body, state, value)
         parts = (found.energy, found.areas, found.geometric)
@@ -177,7 +177,8 @@ class Equations:
         """Return by how much V varies over real boxes at most, shapes (3, n) and (n,); NaN if not known."""
         algebra = IntervalAlgebra(())
         sides = [
-            algebra.interval(*widened(c - r, c + r, ARITHMETIC)) for c, r in zip(centres, radii, strict=True)
+            algebra.interval(*widened(c - r, c + r, OPERATION_ROUNDING))
+            for c, r in zip(centres, radii, strict=True)
         ]
         lo, hi = algebra.bounds(self._formula().evaluate(algebra, sides))
         return np.broadcast_to(hi - lo, centres.shape[1:])

@@ -272,10 +272,7 @@ def _reader(model: type[BaseModel]) -> Callable[[object], object]:
     def read(document: object) -> object:
         parts, faults = read_parts(document, model, {})
         body = parts.get("body")
-        if isinstance(body, RatioIn) and (body.A is None) != (body.C is None):
-            missing = "A" if body.A is None else "C"
-            faults.append(Fault(f"/body/{missing}", "missing_field", "A and C are given together, or none"))
-        if isinstance(body, RatioIn) and body.A is not None and body.A == body.C:
+        if isinstance(body, RatioIn) and body.A == body.C:
             faults.append(Fault("/body", "equal_moments", "A = C: accepted are A ≠ C"))
         if faults:
             raise InvalidProblemError(each_once(faults))

@@ -175,6 +175,7 @@ def test_integrals_and_potentials_are_searched(client):
     assert [each["expression"] for each in found["potentials"]] == ["1", "g1"]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("path", "document", "pointer", "code"),
     [
