@@ -386,7 +386,8 @@ def _truth(reference: list[list[Fraction]], stored: Mapping[str, np.ndarray]) ->
     """Return the columns at the times, the angles up to whole turns."""
     rows = [[ball(number) for number in row] for row in reference]
     columns = {name: [row[k] for row in rows] for k, name in enumerate(COLUMNS)}
-    first = _attitude([row.mid() for row in rows[0][3:6]])
+    # An exact one: the azimuth of a ball on the cut of atan2 may be any.
+    first = [part.mid() for part in _attitude([row.mid() for row in rows[0][3:6]])]
     if QUATERNION[0] in stored:
         # Both signs are the same attitude; the sign at t = 0 is kept.
         side = (
