@@ -265,7 +265,8 @@ def _carried(
     # Roundings of the rates of a piece go together, those of different ones do not.
     weights = np.column_stack([span, pieces.weights])
     bounds += RATE_RELATIVE_ROUNDING * DIFFERENCE_FACTOR * np.sqrt(np.square(weights).sum(axis=0))
-    bounds += RATE_RELATIVE_ROUNDING * DIFFERENCE_FACTOR * math.sqrt(len(pieces.parent))
+    # The table that integrates has roundings of its own, the same in all of them.
+    bounds += RATE_RELATIVE_ROUNDING * len(pieces.parent)
     bounds += 2.0 * pieces.tails.sum(axis=0)
     bounds[0] += RATE_RELATIVE_ROUNDING / _tilt_at_zero(dense)
     # The time is rounded, and so are the numbers that set how fast the motion goes through it.
