@@ -12,6 +12,7 @@ from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.potentials.potential import VALUE
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.geometry.point import BALLS, make_equator
+from workers.solvers.complex_plane.angular_part import AngularSeries
 from workers.solvers.complex_plane.complex_loop import MANY, geometric
 
 NEAR = 2.0**-10
@@ -31,7 +32,8 @@ SLOPE = Way("real", _trace_slope)
 class RealLoop:
     """The functions of ComplexLoop at real v with sin v ≠ 0 and cos v ≠ 0; for one precision."""
 
-    def __init__(self, loop: Loop, tape: Tape, side: int) -> None:
+    def __init__(self, loop: Loop, tape: Tape, side: int, angular: AngularSeries | None = None) -> None:
+        self._angular = angular
         self._side, self._mirrored = side, loop.mirrored
         self._potential, self._slope = (traced_program(tape, way).at(ctx.prec) for way in (VALUE, SLOPE))
         alpha = loop.alpha
@@ -47,13 +49,15 @@ class RealLoop:
 
     def V(self, v: arb) -> arb:
         """Return the potential."""
-        return self._value(self.gamma(v))
+        sine, cosine = v.sin_cos()
+        _, size, c_squared = self._powers(sine, cosine)
+        return self._value(sine, self._gamma(sine, cosine, size, c_squared.sqrt()))
 
     def squared_rate(self, v: arb, h: arb) -> arb:
         """Return (dt/dv)² = Z²/(c² P)."""
         sine, cosine = v.sin_cos()
         power, size, c_squared = self._powers(sine, cosine)
-        N = h - self._value(self._gamma(sine, cosine, size, c_squared.sqrt()))
+        N = h - self._value(sine, self._gamma(sine, cosine, size, c_squared.sqrt()))
         return self._factor * (self._C + self._steepness * power * power) / (c_squared * N)
 
     def slope(self, v: arb) -> arb:
@@ -68,7 +72,7 @@ class RealLoop:
         rates = (first, second, self._third * cosine)
         gamma, along = self._gamma(sine, cosine, size, c), rates[::-1] if self._mirrored else rates
         slope: arb = self._slope(*gamma, *along)[0]
-        return slope
+        return slope if self._angular is None else slope + self._angular.slope(abs(sine).log(), cosine / sine)
 
     def gamma(self, v: arb) -> tuple[arb, arb, arb]:
         """Return g1, g2, g3 in the client's axes."""
@@ -87,9 +91,9 @@ class RealLoop:
         g1, g2, g3 = self._gamma(sine, cosine, size, c)
         return (-r, arb(0), -p, g1, g2, g3) if self._mirrored else (p, arb(0), r, g1, g2, g3)
 
-    def _value(self, gamma: Sequence[arb]) -> arb:
+    def _value(self, sine: arb, gamma: Sequence[arb]) -> arb:
         value: arb = self._potential(*gamma)[0]
-        return value
+        return value if self._angular is None else value + self._angular.value(abs(sine).log())
 
     def _gamma(self, sine: arb, cosine: arb, size: arb, c: arb) -> tuple[arb, arb, arb]:
         g1, g2, g3 = self._first * size, c * cosine, self._third * sine

@@ -33,6 +33,7 @@ from service.dynamics.formula.programs import OFTEN, Kind, Way
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.reduction.geometry.loop import Loop
+from workers.solvers.complex_plane.angular_part import AngularSeries
 from workers.solvers.complex_plane.questions import BEND, SLOPE, VALUE, PlaneQuestion
 
 T = TypeVar("T")
@@ -78,6 +79,8 @@ class ComplexLoop:
     side: int
     unit: int = 0
     pole: int = 0
+    angular: AngularSeries | None = None
+    """What is added to the formula, of a potential that has an integral too."""
     known: dict[int, tuple[arb, arb, arb]] = field(
         default_factory=dict, init=False, compare=False, repr=False
     )
@@ -134,7 +137,8 @@ class ComplexLoop:
 
     def N(self, at: ComplexPlace, *, analytic: bool) -> acb:
         """Return h − V."""
-        return self.h - self.ask(VALUE, at, (), analytic=analytic)[0]
+        found = self.h - self.ask(VALUE, at, (), analytic=analytic)[0]
+        return found if self.angular is None else found - self.angular.value(self._log_sigma(at))
 
     def slope(self, at: ComplexPlace, *, analytic: bool) -> acb:
         """Return dN/dv; not finite if ``analytic`` and N is not holomorphic, though its derivative may be."""
@@ -146,6 +150,8 @@ class ComplexLoop:
         third = Z * at.cosine
         rates = (third, second, first) if loop.mirrored else (first, second, third)
         value, rate = self.ask(SLOPE, at, rates, analytic=analytic)
+        if self.angular is not None:
+            rate += self.angular.slope(self._log_sigma(at), at.cosine / at.sine)
         return _UNKNOWN if analytic and not value.is_finite() else -rate
 
     def slope_and_curvature(self, at: ComplexPlace, *, analytic: bool) -> tuple[acb, acb]:
@@ -174,6 +180,10 @@ class ComplexLoop:
         rates = (first, first_2), (second, second_2), (third, third_2)
         beside = [part for pair in (rates[::-1] if loop.mirrored else rates) for part in pair]
         value, rate, bend = self.ask(BEND, at, beside, analytic=analytic)
+        if self.angular is not None:
+            log_sigma, cotangent = self._log_sigma(at), cosine / sine
+            rate += self.angular.slope(log_sigma, cotangent)
+            bend += self.angular.curvature(log_sigma, cotangent)
         if analytic and not value.is_finite():
             return _UNKNOWN, _UNKNOWN
         return -rate, -bend
@@ -216,6 +226,10 @@ class ComplexLoop:
         if run is not None:
             return run(*inputs, *beside)
         return self._answer(question, self.tape, _plain(analytic), inputs, beside)
+
+    def _log_sigma(self, at: ComplexPlace) -> acb:
+        """Return log |sin v|."""
+        return self.unit * at.root.log(True) if self.unit else (self.side * at.sine).log(True)
 
     def _numbers(self) -> tuple[arb, arb, arb]:
         found = self.known.get(ctx.prec)
