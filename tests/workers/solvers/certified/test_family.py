@@ -44,6 +44,7 @@ def solved(problem: Problem, family: WayFamily | QuadratureFamily) -> Motion | D
     return with_enough_bits(problem, solve)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", PASSING)
 def test_the_function_of_time_keeps_its_claim(name):
     """Against enclosures of 128 bits, at the samples and at times next to every passage of a pole."""
@@ -69,6 +70,7 @@ def test_the_function_of_time_keeps_its_claim(name):
     assert told.error < 1e-16 * told.hi
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("moments", "text"),
     [
@@ -85,6 +87,7 @@ def test_where_r_has_a_slope_at_a_pole_the_function_of_time_is_known_to_rounding
     assert found.dense.error < 1e-13
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", ["round", "libration"])
 def test_it_is_that_of_the_quadrature_which_knows_nothing_of_the_pole(name):
     found, other = solved(PASSING[name], WAY), solved(PASSING[name], QUADRATURE)
@@ -109,6 +112,7 @@ def test_other_motions_are_left_to_others(A, text):
     assert solved(problem, WAY) is NOT_MINE
 
 
+@pytest.mark.long
 def test_a_kink_on_the_way_is_left_to_the_quadrature():
     rigid_body = body("7/5", 1)
     text = f"{SPECIAL} + (A*g1^2 + C*g3^2)*abs(g2 - 1/2)/20"
