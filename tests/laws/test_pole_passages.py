@@ -170,7 +170,7 @@ def test_certified_periods_are_those_of_a_quadrature_by_hand(name):
 @pytest.mark.parametrize(
     ("name", "tier"),
     [
-        *one_in(4, ((name, "standard") for name in MOTIONS)),
+        *one_in(8, ((name, "standard") for name in MOTIONS)),
         ("a2", "draft"),
         ("a2", "high"),
         ("7/5", "high"),

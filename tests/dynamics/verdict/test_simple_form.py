@@ -68,6 +68,7 @@ def on_sphere(x: Fraction, y: Fraction) -> tuple[arb, arb, arb]:
     return first, second, third
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("text", SAME_AS)
 def test_what_hides_is_found(text):
     stated = potential(text)
