@@ -145,10 +145,12 @@ ACCESS: Mapping[str, Mapping[str, Role | None]] = {
     "/workbench": {"GET": OPEN},
     "/solutions": {"GET": OPEN},
     "/jobs": {"GET": OPEN},
+    "/studies": {"GET": OPEN},
     "/sweeps": {"GET": OPEN},
     "/families": {"GET": OPEN},
     "/accuracy": {"GET": OPEN},
     "/solution": {"GET": OPEN},
+    "/study": {"GET": OPEN},
     "/sweep": {"GET": OPEN},
     "/static/page/{version}/{name}": {"GET": OPEN},
     # The documentation page, into which a key can be typed: it is the same for every installation.

@@ -43,10 +43,16 @@ class Algebra(Protocol[T]):
         """Return exp, log, sin, cos, tan, abs, or sign (the derivative of abs) of the argument."""
 
 
-class Arithmetic(Protocol):
-    """A type with addition and multiplication: balls, SymPy expressions, arrays, rationals."""
+class Ring(Protocol):
+    """A type with addition and multiplication: what an :class:`Arithmetic` is, and series."""
 
     def __add__(self, other: Self, /) -> Self: ...
     def __sub__(self, other: Self, /) -> Self: ...
     def __mul__(self, other: Self, /) -> Self: ...
+    def __neg__(self, /) -> Self: ...
+
+
+class Arithmetic(Ring, Protocol):
+    """A type with division as well: balls, SymPy expressions, arrays, rationals."""
+
     def __truediv__(self, other: Self, /) -> Self: ...

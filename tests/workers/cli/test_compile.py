@@ -7,7 +7,7 @@ import json
 import os
 import subprocess
 import sys
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import pytest
@@ -91,8 +91,11 @@ def start(tmp_path):
 
 def holds_open(process, file):
     """Tell whether a process has a file open: so it waits for its lock."""
-    opened = Path(f"/proc/{process.pid}/fd")
-    return any(each.readlink() == file for each in opened.iterdir() if each.is_symlink())
+    for opened in Path(f"/proc/{process.pid}/fd").iterdir():
+        with suppress(FileNotFoundError):  # what was open is closed by now
+            if opened.readlink() == file:
+                return True
+    return False
 
 
 @pytest.mark.long

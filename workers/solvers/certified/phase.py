@@ -19,6 +19,7 @@ from typing import Protocol
 
 from flint import acb, arb, ctx
 
+from service.dynamics.reduction.geometry.point import r_over_p
 from workers.solvers.certified.real_loop import RealLoop
 from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace, tighter
 
@@ -244,5 +245,5 @@ def _shares(count: int, precision: int) -> tuple[arb, ...]:
 
 def six_variables(curve: ComplexLoop, at: ComplexPlace, p: acb) -> tuple[acb, ...]:
     """Return (p, q, r, g1, g2, g3) in the client's axes from a place and p."""
-    r = curve.r_over_p(at) * p
+    r = r_over_p(curve.numbers(), at) * p
     return (-r, acb(0), -p, *curve.gamma(at)) if curve.loop.mirrored else (p, acb(0), r, *curve.gamma(at))

@@ -11,7 +11,16 @@ from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.potentials.potential import VALUE
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.geometry.point import BALLS, make_equator
+from service.dynamics.reduction.geometry.point import (
+    BALLS,
+    Curve,
+    CurvePlace,
+    gamma_of,
+    make_equator,
+    r_over_p,
+    rates_of,
+    steepness_at,
+)
 from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA, geometric
 
 NEAR = 2.0**-10
@@ -37,63 +46,40 @@ class RealLoop:
         alpha = loop.alpha
         self._power = alpha.numerator - 1
         self._is_summed = alpha.denominator == 1 and (alpha <= MAX_WHOLE_ALPHA or side == 0)
-        self._alpha, self._first, self._third = ball(alpha), loop.g1_sign * loop.G, loop.Z
-        self._equator = make_equator(loop.Z, loop.G, self._alpha)
-        self._Z_squared, self._G_squared = self._equator.Z_squared, self._equator.G_squared
-        A, C = ball(loop.A), ball(loop.C)
-        # With E = C + A (G/Z)² w^(α−1) is 1/P = A E / (2 C N).
-        self._C, self._steepness = C, A * self._G_squared / self._Z_squared
-        self._factor = self._Z_squared * A / (2 * C)
+        self._equator = make_equator(loop.Z, loop.G, ball(alpha))
+        moments, first = (ball(loop.A), ball(loop.C)), loop.g1_sign * loop.G
+        self._curve = Curve(first, loop.Z, ball(alpha), ball(alpha) - 1, *moments, self._mirrored)
+        self._factor = self._equator.Z_squared * moments[0] / (2 * moments[1])
 
     def V(self, v: arb) -> arb:
         """Return the potential."""
-        return self._value(self.gamma(v))
+        return self._value(self._place(v)[0])
 
     def squared_rate(self, v: arb, h: arb) -> arb:
-        """Return (dt/dv)² = Z²/(c² P)."""
-        sine, cosine = v.sin_cos()
-        power, size, c_squared = self._powers(sine, cosine)
-        N = h - self._value(self._gamma(sine, cosine, size, c_squared.sqrt()))
-        return self._factor * (self._C + self._steepness * power * power) / (c_squared * N)
+        """Return (dt/dv)² = Z²/(c² P), with P = 2 C N / (A E)."""
+        at, c_squared = self._place(v)
+        return self._factor * steepness_at(self._curve, at.power) / (c_squared * (h - self._value(at)))
 
     def slope(self, v: arb) -> arb:
         """Return dV/dv."""
-        sine, cosine = v.sin_cos()
-        power, size, c_squared = self._powers(sine, cosine)
-        c = c_squared.sqrt()
-        # d|sin v|/dv is cos v with the sign of sin v.
-        rising = cosine if sine > 0 else -cosine
-        first = self._first * self._alpha * power * rising
-        second = -sine * self._Z_squared * (self._C + self._steepness * power * power) / (self._C * c)
-        rates = (first, second, self._third * cosine)
-        gamma, along = self._gamma(sine, cosine, size, c), rates[::-1] if self._mirrored else rates
-        slope: arb = self._slope(*gamma, *along)[0]
+        at, _ = self._place(v)
+        slope: arb = self._slope(*gamma_of(self._curve, at), *rates_of(self._curve, at))[0]
         return slope
 
     def gamma(self, v: arb) -> tuple[arb, arb, arb]:
         """Return g1, g2, g3 in the client's axes."""
-        sine, cosine = v.sin_cos()
-        _, size, c_squared = self._powers(sine, cosine)
-        return self._gamma(sine, cosine, size, c_squared.sqrt())
+        return gamma_of(self._curve, self._place(v)[0])
 
     def state(self, v: arb, speed: arb) -> tuple[arb, ...]:
         """Return (p, q, r, g1, g2, g3) in the client's axes from v and dv/dt."""
-        sine, cosine = v.sin_cos()
-        power, size, c_squared = self._powers(sine, cosine)
-        c = c_squared.sqrt()
-        p = -self._third * speed / c
-        # r/p = −A g1 / (C g3).
-        r = -self._alpha * self._first / self._third * power * sine.sgn() * p
-        g1, g2, g3 = self._gamma(sine, cosine, size, c)
-        return (-r, arb(0), -p, g1, g2, g3) if self._mirrored else (p, arb(0), r, g1, g2, g3)
+        at, _ = self._place(v)
+        p = -self._curve.Z * speed / at.c
+        r, gamma = r_over_p(self._curve, at) * p, gamma_of(self._curve, at)
+        return (-r, arb(0), -p, *gamma) if self._mirrored else (p, arb(0), r, *gamma)
 
-    def _value(self, gamma: Sequence[arb]) -> arb:
-        value: arb = self._potential(*gamma)[0]
+    def _value(self, at: CurvePlace[arb]) -> arb:
+        value: arb = self._potential(*gamma_of(self._curve, at))[0]
         return value
-
-    def _gamma(self, sine: arb, cosine: arb, size: arb, c: arb) -> tuple[arb, arb, arb]:
-        g1, g2, g3 = self._first * size, c * cosine, self._third * sine
-        return (g3, g2, g1) if self._mirrored else (g1, g2, g3)
 
     def loses_digits(self, v: arb) -> bool:
         """Say whether v is too near the equator, or a pole, for the formulas here."""
@@ -101,15 +87,17 @@ class RealLoop:
         near = sine if self._is_summed else cosine
         return not abs(near) > NEAR
 
-    def _powers(self, sine: arb, cosine: arb) -> tuple[arb, arb, arb]:
-        """Return |sin v|^(α−1), |sin v|^α and c²."""
+    def _place(self, v: arb) -> tuple[CurvePlace[arb], arb]:
+        """Return the place, and c²."""
+        sine, cosine = v.sin_cos()
+        equator = self._equator
         size = sine if self._side > 0 else -sine if self._side else abs(sine)
         if self._is_summed:
             power, quotient = size**self._power, geometric(sine * sine, self._power + 1)
-            c_squared = self._Z_squared + self._G_squared * quotient
+            c_squared = equator.Z_squared + equator.G_squared * quotient
         else:
             u = cosine * cosine
             log = BALLS.log_sine(size, u)
-            power = ((self._alpha - 1) * log).exp()
-            c_squared = BALLS.c_squared(self._equator, log, u)
-        return power, power * size, c_squared
+            power = (self._curve.beyond * log).exp()
+            c_squared = BALLS.c_squared(equator, log, u)
+        return CurvePlace(sine, cosine, power, sine.sgn(), c_squared.sqrt()), c_squared

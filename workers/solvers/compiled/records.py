@@ -29,6 +29,15 @@ class Instructions(NamedTuple):
     results: IntArray
 
 
+class Discs(NamedTuple):
+    """Rows of discs, shapes (rows, LANES) and (rows,): see :mod:`compiled.discs.arithmetic`."""
+
+    centres: FloatArray
+    radii: FloatArray
+    powers: FloatArray
+    """NaN for a row that is 0 everywhere."""
+
+
 class Formula(NamedTuple):
     """A program with its constants, and what it is worked out on."""
 
@@ -41,10 +50,7 @@ class Formula(NamedTuple):
     """Low parts that the doubles of the constants leave out."""
     registers: FloatArray
     """Registers of ``turn``: shape (2, registers, POINTS), see :func:`.interpreter.new_registers`."""
-    centres: FloatArray
-    radii: FloatArray
-    powers: FloatArray
-    """Rows of discs: shapes (rows, LANES) and (rows,); see :mod:`compiled.discs.arithmetic`."""
+    discs: Discs
     harmonics: FloatArray
     """Cosine series of dt/du in πu, where dt/du is known by that; else empty."""
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.discs.arithmetic import new_rows
+from workers.solvers.compiled.discs.arithmetic import new_discs
 from workers.solvers.compiled.doubled.time_map import map_time_doubled
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import inlined, kernel
@@ -47,9 +47,8 @@ def equator_of(alpha: float, log_lambda: float) -> tuple[float, float]:
 @kernel
 def new_formula(code: IntArray, result: int, turn: Instructions, constants: FloatArray) -> Formula:
     """Return a program with its constants, and what it is worked out on."""
-    centres, radii, powers = new_rows(3 + turn.code.shape[0])
-    registers = new_registers(turn.code, 2, POINTS)
-    return Formula(code, result, turn, constants, NOTHING, registers, centres, radii, powers, NOTHING)
+    registers, discs = new_registers(turn.code, 2, POINTS), new_discs(4 + turn.code.shape[0])
+    return Formula(code, result, turn, constants, NOTHING, registers, discs, NOTHING)
 
 
 @inlined
@@ -152,9 +151,7 @@ def solve_sets(
             constants[n],
             lows[n] if len(lows) else NOTHING,
             whole.registers,
-            whole.centres,
-            whole.radii,
-            whole.powers,
+            whole.discs,
             NOTHING,
         )
         if not loop.by_roots:

@@ -1,16 +1,7 @@
 r"""The loop of a planar motion for complex v, in balls.
 
-With w = sin²v and u = cos²v (:mod:`service.dynamics.reduction.geometry.loop`)
-
-.. math::
-
-    |g_1| = G w^{\alpha/2}, \quad g_3 = Z\sin v, \quad g_2 = c\cos v, \quad
-    c^2 = Z^2 + G^2\,\frac{1-w^\alpha}{u},
-
-.. math:: P = W N, \qquad N = h - V, \qquad W = \frac{2C/A}{C + A (G/Z)^2 w^{\alpha-1}},
-
-the last from the energy h. Nothing vanishes together with its denominator,
-except at the equator u = 0, where
+The formulas are those of :mod:`service.dynamics.reduction.geometry.point`, with powers of w = sin²v and
+N = h − V. Nothing in them vanishes together with its denominator, except at the equator u = cos²v = 0, where
 
 .. math:: \frac{1-w^\alpha}{1-w} = \alpha\int_0^1 (1-su)^{\alpha-1} ds
 
@@ -33,6 +24,13 @@ from service.dynamics.formula.programs import MANY_EVALUATIONS, Kind, Way
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.reduction.geometry.loop import Loop
+from service.dynamics.reduction.geometry.point import (
+    Curve,
+    bends_of,
+    gamma_of,
+    rates_of,
+    speed_factor,
+)
 from workers.solvers.complex_plane.questions import BEND, SLOPE, VALUE, PlaneQuestion
 
 T = TypeVar("T")
@@ -48,14 +46,13 @@ _UNKNOWN = acb(arb.nan())
 
 
 class ComplexPlace(NamedTuple):
-    """A ball of the loop; primed axes."""
+    """A ball of the loop, a :class:`.Place` of it; primed axes."""
 
     sine: acb
     cosine: acb
     power: acb
-    """|sin v|^(α−1), with the sign of sin v where the motion passes poles and α is even."""
+    """It has the sign of sin v where the motion passes poles and α is even."""
     turn: acb
-    """|sin v|^α / (power · sin v): ±1."""
     c_squared: acb
     c: acb
     root: acb
@@ -78,10 +75,8 @@ class ComplexLoop:
     side: int
     unit: int = 0
     pole: int = 0
-    known: dict[int, tuple[arb, arb, arb]] = field(
-        default_factory=dict, init=False, compare=False, repr=False
-    )
-    """alpha, A and C as balls, by precision: every place needs them."""
+    known: dict[int, Curve[acb]] = field(default_factory=dict, init=False, compare=False, repr=False)
+    """The numbers of the loop, by precision: every place needs them."""
     about: tuple[object, ...] = field(init=False, compare=False, repr=False)
     """The part of a key that tells the programs of a formula about a pole from those about another."""
 
@@ -105,7 +100,7 @@ class ComplexLoop:
         if self.unit and analytic:
             # Balls of powers by logarithms are far narrower than those of products, on regions.
             log = root.log(analytic)
-            power, root = ((self._numbers()[0] - 1) * log).exp(), (log / self.unit).exp()
+            power, root = (self.numbers().beyond * log).exp(), (log / self.unit).exp()
         elif alpha.denominator != 1:
             power = (self.side * sine).pow(acb(ball(alpha - 1)), analytic=analytic)
         else:
@@ -127,10 +122,7 @@ class ComplexLoop:
 
     def gamma(self, at: ComplexPlace) -> tuple[acb, acb, acb]:
         """Return g1, g2, g3 in the client's axes."""
-        loop = self.loop
-        g1 = loop.g1_sign * loop.G * at.power * at.sine * at.turn
-        g2, g3 = at.c * at.cosine, loop.Z * at.sine
-        return (g3, g2, g1) if loop.mirrored else (g1, g2, g3)
+        return gamma_of(self.numbers(), at)
 
     def N(self, at: ComplexPlace, *, analytic: bool) -> acb:
         """Return h − V."""
@@ -138,41 +130,21 @@ class ComplexLoop:
 
     def slope(self, at: ComplexPlace, *, analytic: bool) -> acb:
         """Return dN/dv; not finite if ``analytic`` and N is not holomorphic, though its derivative may be."""
-        loop = self.loop
-        alpha, A, C = self._numbers()
-        G, Z = loop.G, loop.Z
-        first = loop.g1_sign * alpha * G * at.power * at.turn * at.cosine
-        second = -at.sine * (A * (G * at.power) ** 2 + C * Z * Z) / (C * at.c)
-        third = Z * at.cosine
-        rates = (third, second, first) if loop.mirrored else (first, second, third)
-        value, rate = self.ask(SLOPE, at, rates, analytic=analytic)
+        value, rate = self.ask(SLOPE, at, rates_of(self.numbers(), at), analytic=analytic)
         return _UNKNOWN if analytic and not value.is_finite() else -rate
 
     def slope_and_curvature(self, at: ComplexPlace, *, analytic: bool) -> tuple[acb, acb]:
         """Return dN/dv and d²N/dv²: rough, for wide balls."""
-        loop = self.loop
-        if self.side and not (self.side * at.sine).real > 0:
+        numbers, alpha, sine = self.numbers(), self.loop.alpha, at.sine
+        if self.side and not (self.side * sine).real > 0:
             # Powers of 1 − u are those of w only as long as |arg w| < π.
             return _UNKNOWN, _UNKNOWN
-        alpha, A, C = self._numbers()
-        G, Z = loop.G, loop.Z
-        sine, cosine, size = at.sine, at.cosine, loop.g1_sign * G * at.turn
         below = at.power / sine
-        if loop.alpha.denominator == 1:
-            below = (self.side or 1) * ((self.side or 1) * sine) ** (loop.alpha.numerator - 2)
-        first = size * alpha * at.power * cosine
-        first_2 = size * alpha * ((alpha - 1) * below * cosine * cosine - at.power * sine)
-        # With E = A G² w^(α−1) + C Z², g2' = −E sin v / (C c).
-        square = A * (G * at.power) ** 2
-        E = square + C * Z * Z
-        # (c²)' = G² α (α − 1) sin 2v ∫ s (1 − su)^(α−2) ds, and ∫ s ds = 1/2.
-        hull = acb(1).union(sine * sine).pow(acb(alpha - 2), analytic=analytic)
-        c_rate = G * G * alpha * (alpha - 1) * sine * cosine * hull / (2 * at.c)
-        second = -sine * E / (C * at.c)
-        second_2 = -cosine * (2 * (alpha - 1) * square + E) / (C * at.c) - second * c_rate / at.c
-        third, third_2 = Z * cosine, -Z * sine
-        rates = (first, first_2), (second, second_2), (third, third_2)
-        beside = [part for pair in (rates[::-1] if loop.mirrored else rates) for part in pair]
+        if alpha.denominator == 1:
+            below = (self.side or 1) * ((self.side or 1) * sine) ** (alpha.numerator - 2)
+        mean = acb(1).union(sine * sine).pow(numbers.alpha - 2, analytic=analytic)
+        rates = zip(rates_of(numbers, at), bends_of(numbers, at, below, mean), strict=True)
+        beside = [part for pair in rates for part in pair]
         value, rate, bend = self.ask(BEND, at, beside, analytic=analytic)
         if analytic and not value.is_finite():
             return _UNKNOWN, _UNKNOWN
@@ -189,14 +161,7 @@ class ComplexLoop:
 
     def W(self, at: ComplexPlace) -> acb:
         """Return P / N."""
-        _, A, C = self._numbers()
-        ratio = self.loop.G * at.power / self.loop.Z
-        return 2 * C / (A * (C + A * ratio * ratio))
-
-    def r_over_p(self, at: ComplexPlace) -> acb:
-        """Return r/p = −A g1 / (C g3)."""
-        loop = self.loop
-        return -loop.g1_sign * self._numbers()[0] * loop.G / loop.Z * at.power * at.turn
+        return speed_factor(self.numbers(), at.power)
 
     def ask(
         self, question: PlaneQuestion, at: ComplexPlace, beside: Sequence[acb], *, analytic: bool
@@ -217,11 +182,14 @@ class ComplexLoop:
             return run(*inputs, *beside)
         return self._answer(question, self.tape, _plain(analytic), inputs, beside)
 
-    def _numbers(self) -> tuple[arb, arb, arb]:
+    def numbers(self) -> Curve[acb]:
+        """Return the numbers of the loop at the current precision."""
         found = self.known.get(ctx.prec)
         if found is None:
             loop = self.loop
-            found = self.known[ctx.prec] = ball(loop.alpha), ball(loop.A), ball(loop.C)
+            alpha, A, C = (acb(ball(number)) for number in (loop.alpha, loop.A, loop.C))
+            first, Z = acb(loop.G * loop.g1_sign), acb(loop.Z)
+            found = self.known[ctx.prec] = Curve(first, Z, alpha, alpha - 1, A, C, loop.mirrored)
         return found
 
     @property
@@ -261,7 +229,7 @@ class ComplexLoop:
 
     def _quotient(self, sine: acb, u: acb, *, analytic: bool) -> acb:
         """Return (1 − w^α) / u for sin v of the sign ``side``."""
-        alpha, signed = self._numbers()[0], self.side * sine
+        alpha, beyond, signed = self.numbers().alpha, self.numbers().beyond, self.side * sine
         # Powers of 1 − u are those of w only as long as |arg w| < π.
         is_right = signed.real > 0
         log = (-u).log1p() if is_right and u.abs_upper() < 0.75 else 2 * signed.log(analytic)
@@ -271,8 +239,8 @@ class ComplexLoop:
             return direct
         hull = acb(1).union(1 - u)
         if self.unit and analytic:
-            return tighter(direct, alpha * ((alpha - 1) * hull.log(analytic)).exp())
-        return tighter(direct, alpha * hull.pow(acb(alpha - 1), analytic=analytic))
+            return tighter(direct, alpha * (beyond * hull.log(analytic)).exp())
+        return tighter(direct, alpha * hull.pow(beyond, analytic=analytic))
 
 
 def geometric(ratio: Ball, count: int) -> Ball:

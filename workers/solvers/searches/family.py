@@ -4,10 +4,9 @@ The numbers are λ, moments, and parameters of the potential. Periods, energies 
 in them as long as the ends of a window stay simple zeros. So a bound M of one of them on a polydisc bounds
 its derivatives (Cauchy), and a few values prove what it does on a whole box.
 
-On the loop of :mod:`service.dynamics.reduction.geometry.loop` (primed axes, A > C)
+On the loop of :mod:`service.dynamics.reduction.geometry.point` (primed axes, A > C)
 
 .. math:: \frac{dt}{dv} = \frac{Z}{c\sqrt{W N}},\qquad N = h - V = \frac{Q D}{2 (A - C) g_1 g_3},
-   \qquad W = \frac{2C/A}{C + A (G/Z)^2 |\sin v|^{2\alpha-2}},
 
 and between two simple zeros N = (v - v₋)(v₊ - v) K, where v = v₋ + (v₊ - v₋) sin²(θ/2) makes
 dt/dθ = Z / (c √(W K)) analytic in θ and of period 2π.
@@ -17,13 +16,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import NamedTuple
 
 from flint import acb, arb
 
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets, Jet, SecondOrderJets
 from service.dynamics.formula.tape import Tape
+from service.dynamics.reduction.geometry.point import (
+    Curve,
+    CurvePlace,
+    bends_of,
+    gamma_of,
+    rates_of,
+    speed_factor,
+)
 from workers.solvers.certified.errors import PrecisionNeededError
 from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA, geometric, tighter
 
@@ -68,18 +74,6 @@ class ProblemFamily:
     """The sign of the primed g1."""
 
 
-class FamilyPlace(NamedTuple):
-    """A place of a curve, primed axes."""
-
-    sine: acb
-    cosine: acb
-    power: acb
-    """|sin v|^(α−1), with the sign of sin v where poles are passed."""
-    c: acb
-    gamma: tuple[acb, acb, acb]
-    """g1, g2, g3 in the client's axes."""
-
-
 class FamilyCurve:
     """The curve at balls of the unknown numbers; ``side`` is the sign of sin v, 0 where poles are passed.
 
@@ -104,6 +98,8 @@ class FamilyCurve:
         log = self._number(family.size).log(True) / (2 if family.is_square else 1)
         self._log = -log / self.alpha if family.mirrored else log
         self.Z, self.G, *self._slopes = self._equator(self._log)
+        first, beyond = family.g1_sign * self.G, self.alpha - 1
+        self._curve = Curve(first, self.Z, self.alpha, beyond, self.A, self.C, family.mirrored)
         self._inputs = tuple(self.numbers[k] for k in family.extra)
 
     def _number(self, slot: Slot) -> acb:
@@ -137,7 +133,7 @@ class FamilyCurve:
                 break
         raise PrecisionNeededError("a curve")
 
-    def place(self, v: acb) -> FamilyPlace:
+    def place(self, v: acb) -> CurvePlace[acb]:
         """Return a place; not finite where the curve is not analytic on the ball."""
         sine, cosine = v.sin_cos()
         size = sine if self.side >= 0 else -sine
@@ -148,8 +144,7 @@ class FamilyCurve:
             log = size.log(True)
             power, quotient = ((self.alpha - 1) * log).exp(), self._quotient(log, u)
         c = root(self.Z * self.Z + self.G * self.G * quotient)
-        g1, g2, g3 = self.family.g1_sign * self.G * power * size, c * cosine, self.Z * sine
-        return FamilyPlace(sine, cosine, power, c, (g3, g2, g1) if self.family.mirrored else (g1, g2, g3))
+        return CurvePlace(sine, cosine, power, acb(self.side or 1), c)
 
     def _quotient(self, log: acb, u: acb) -> acb:
         """Return (1 − |sin v|^{2α}) / cos²v, which is an average of α (1 − su)^{α−1}."""
@@ -164,7 +159,7 @@ class FamilyCurve:
         """The energy: the value of V + N at a place that is neither a pole nor the equator."""
         middle = self if self._middle is None else self._middle
         at = middle.place(self._quiet)
-        g1, g2, g3 = at.gamma
+        g1, g2, g3 = gamma_of(middle._curve, at)
         seeds = [_JETS.seed(g1, (-g3,)), _JETS.seed(g2, (None,)), _JETS.seed(g3, (g1,))]
         beside = [_JETS.seed(value, (None,)) for value in middle._inputs]
         V = self.family.tape.evaluate(_JETS, (*seeds, *beside))
@@ -173,10 +168,10 @@ class FamilyCurve:
         h = V.value + (A * g1 * g1 + C * g3 * g3) * D / (2 * (A - C) * g1 * g3)
         return h if self._middle is None else self._moved(h, self._energy_slopes)
 
-    def N(self, v: acb, at: FamilyPlace | None = None) -> acb:
+    def N(self, v: acb, at: CurvePlace[acb] | None = None) -> acb:
         """Return h − V; about the middle of the numbers, if these are wide."""
         at = self.place(v) if at is None else at
-        plain = self.h - self.family.tape.evaluate(_ALGEBRA, (*at.gamma, *self._inputs))
+        plain = self.h - self.family.tape.evaluate(_ALGEBRA, (*gamma_of(self._curve, at), *self._inputs))
         if self._middle is None:
             return plain
         jets, beside = self._jets, [self._numbers[k] for k in self.family.extra]
@@ -265,10 +260,9 @@ class FamilyCurve:
         third = jets.multiply(Z, jets.seed(sine, none))
         return (third, second, first) if self.family.mirrored else (first, second, third)
 
-    def W(self, at: FamilyPlace) -> acb:
+    def W(self, at: CurvePlace[acb]) -> acb:
         """Return p² / N."""
-        ratio = self.G * at.power / self.Z
-        return 2 * self.C / (self.A * (self.C + self.A * ratio * ratio))
+        return speed_factor(self._curve, at.power)
 
     def _beside(self, jets: FirstOrderJets[acb]) -> list[Jet[acb]]:
         return [jets.seed(value, (None,)) for value in self._inputs]
@@ -283,48 +277,25 @@ class FamilyCurve:
 
     def _slope(self, v: acb) -> acb:
         at = self.place(v)
-        seeds = [_JETS.seed(value, (rate,)) for value, rate in zip(at.gamma, self._rates(at), strict=True)]
+        gamma, rates = gamma_of(self._curve, at), rates_of(self._curve, at)
+        seeds = [_JETS.seed(value, (rate,)) for value, rate in zip(gamma, rates, strict=True)]
         found = self.family.tape.evaluate(_JETS, (*seeds, *self._beside(_JETS)))
         return -_JETS.gradient(found)[0] if found.value.is_finite() else UNKNOWN
 
     def bend(self, v: acb) -> acb:
         """Return d²N/dv²: rough, for wide balls."""
         at = self.place(v)
-        alpha, sine, cosine, turn = self.alpha, at.sine, at.cosine, self.side or 1
-        below = (turn * sine) ** (self._whole - 2) if self._whole else at.power / (turn * sine)
-        first_2 = (
-            self.family.g1_sign * self.G * alpha
-            * ((alpha - 1) * below * cosine * cosine - at.power * turn * sine)
-        )  # fmt: skip
-        # With E = A G² w^(α−1) + C Z², g2' = −E sin v / (C c).
-        square = self.A * (self.G * at.power) ** 2
-        E = square + self.C * self.Z * self.Z
-        second = -sine * E / (self.C * at.c)
-        # (c²)' = G² α (α − 1) sin 2v ∫ s (1 − su)^(α−2) ds, and ∫ s ds = 1/2.
-        hull = acb(1).union(sine * sine)
-        mean = ((alpha - 2) * hull.log(True)).exp()
+        hull = acb(1).union(at.sine * at.sine)
         if self._whole:
+            below = at.turn * (at.turn * at.sine) ** (self._whole - 2)
             mean = hull ** (self._whole - 2)
-        c_rate = self.G * self.G * alpha * (alpha - 1) * sine * cosine * mean / (2 * at.c)
-        second_2 = -cosine * (2 * (alpha - 1) * square + E) / (self.C * at.c) - second * c_rate / at.c
-        bends = (first_2, second_2, -self.Z * sine)
-        rates = self._rates(at)
-        seeds = [
-            Jet(value, (rate,), (bend,))
-            for value, rate, bend in zip(
-                at.gamma, rates, bends[::-1] if self.family.mirrored else bends, strict=True
-            )
-        ]
+        else:
+            below, mean = at.power / at.sine, ((self.alpha - 2) * hull.log(True)).exp()
+        bends = bends_of(self._curve, at, below, mean)
+        places = zip(gamma_of(self._curve, at), rates_of(self._curve, at), bends, strict=True)
+        seeds = [Jet(value, (rate,), (bend,)) for value, rate, bend in places]
         found = self.family.tape.evaluate(_BENDS, (*seeds, *self._beside(_BENDS)))
         return -_BENDS.hessian(found)[0][0] if found.value.is_finite() else UNKNOWN
-
-    def _rates(self, at: FamilyPlace) -> tuple[acb, acb, acb]:
-        """Return the derivatives of g1, g2, g3 by v, in the client's axes."""
-        turn = self.side or 1
-        first = self.family.g1_sign * turn * self.alpha * self.G * at.power * at.cosine
-        second = -at.sine * (self.A * (self.G * at.power) ** 2 + self.C * self.Z**2) / (self.C * at.c)
-        third = self.Z * at.cosine
-        return (third, second, first) if self.family.mirrored else (first, second, third)
 
 
 def near_zero(value: Callable[[acb], acb], slope: Callable[[acb], acb], start: acb) -> acb:

@@ -1,30 +1,137 @@
-r"""A point of the loop from sin v and cos v: in balls, on ranges of v and in doubles, to all digits.
+r"""A point of the loop from sin v and cos v, with its derivatives by v and its speed, in any arithmetic.
 
 With s = |sin v| and u = cos² v,
 
 .. math:: |g_1| = G s^\alpha,\quad g_2 = c\cos v,\quad g_3 = Z\sin v,\qquad
           c^2 = Z^2 + G^2 R,\qquad R = \frac{1 - s^{2\alpha}}{u},
 
-and at the equator, u = 0, both the numerator and u vanish. The logarithm of s is therefore taken from u where
-u is not near 1, and 1 − s^{2α} from that logarithm by expm1.
+.. math:: P = W (h - V),\quad W = \frac{2C}{A E},\quad E = C + A \frac{G^2}{Z^2} s^{2\alpha-2},\quad
+          \frac{r}{p} = -\frac{A g_1}{C g_3},\quad
+          \frac{dg_2}{dv} = -\frac{\sin v}{C c} (A G^2 s^{2\alpha-2} + C Z^2)
 
-The complex loop (:mod:`workers.solvers.complex_plane.complex_loop`) has formulas of its own: powers have
-branches there, and which formula holds is told by the half plane that a ball is in.
+in primed axes, where A > C and α = A/C. At the equator, u = 0, both the numerator of R and u vanish. For real
+v the logarithm of s is therefore taken from u where u is not near 1, and 1 − s^{2α} from that by expm1. For
+complex v (:mod:`workers.solvers.complex_plane.complex_loop`) powers have branches, and which formula of them
+holds is told by the half plane that a ball is in.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
+from service.dynamics.formula.algebra import Arithmetic, Ring
+
 FloatArray = NDArray[np.float64]
 T = TypeVar("T", arb, FloatArray)
+R = TypeVar("R", bound=Ring)
+R_co = TypeVar("R_co", bound=Ring, covariant=True)
+N = TypeVar("N", bound=Arithmetic)
 
 FAR = 0.75
 """The largest u from which log s is taken: for larger ones 1 − u loses digits, and s has them."""
+
+
+class Curve(NamedTuple, Generic[R]):
+    """The numbers of a loop."""
+
+    first: R
+    """G with the sign of the primed g1."""
+    Z: R
+    alpha: R
+    beyond: R
+    """α − 1."""
+    A: R
+    C: R
+    mirrored: bool
+
+
+class Place(Protocol[R_co]):
+    """A place of a loop."""
+
+    @property
+    def sine(self) -> R_co:
+        """Sin v."""
+
+    @property
+    def cosine(self) -> R_co:
+        """Cos v."""
+
+    @property
+    def power(self) -> R_co:
+        """|sin v|^(α−1), or its opposite."""
+
+    @property
+    def turn(self) -> R_co:
+        """|sin v|^α / (power · sin v): ±1."""
+
+    @property
+    def c(self) -> R_co:
+        """g2 / cos v."""
+
+
+class CurvePlace(NamedTuple, Generic[R]):
+    """A :class:`Place` and nothing else."""
+
+    sine: R
+    cosine: R
+    power: R
+    turn: R
+    c: R
+
+
+def gamma_of(curve: Curve[R], at: Place[R]) -> tuple[R, R, R]:
+    """Return g1, g2 and g3 in the client's axes."""
+    return _in_order(curve, curve.first * at.power * at.sine * at.turn, at.c * at.cosine, curve.Z * at.sine)
+
+
+def _in_order(curve: Curve[R], first: R, second: R, third: R) -> tuple[R, R, R]:
+    return (third, second, first) if curve.mirrored else (first, second, third)
+
+
+def steepness_at(curve: Curve[N], power: N) -> N:
+    """Return E."""
+    ratio = curve.first * power / curve.Z
+    return curve.C + curve.A * ratio * ratio
+
+
+def speed_factor(curve: Curve[N], power: N) -> N:
+    """Return W, the quotient of P and h − V."""
+    return (curve.C + curve.C) / (curve.A * steepness_at(curve, power))
+
+
+def r_over_p(curve: Curve[N], at: Place[N]) -> N:
+    """Return r/p in primed axes."""
+    return -curve.alpha * curve.first / curve.Z * at.power * at.turn
+
+
+def rates_of(curve: Curve[N], at: Place[N]) -> tuple[N, N, N]:
+    """Return the derivatives of g1, g2 and g3 by v, in the client's axes."""
+    first = curve.alpha * curve.first * at.power * at.turn * at.cosine
+    square = curve.first * at.power
+    pull = curve.A * (square * square) + curve.C * curve.Z * curve.Z
+    second = -at.sine * pull / (curve.C * at.c)
+    return _in_order(curve, first, second, curve.Z * at.cosine)
+
+
+def bends_of(curve: Curve[N], at: Place[N], below: N, mean: N) -> tuple[N, N, N]:
+    """Return the second derivatives of g1, g2 and g3 by v, in the client's axes.
+
+    ``below`` is power / sin v, and ``mean`` that of (1 − tu)^(α−2) over 0 ≤ t ≤ 1 with the weight 2t.
+    """
+    sine, cosine, divisor = at.sine, at.cosine, curve.C * at.c
+    size, square = curve.alpha * curve.first * at.turn, curve.first * at.power
+    square = curve.A * (square * square)
+    pull = square + curve.C * curve.Z * curve.Z
+    first = size * (curve.beyond * below * cosine * cosine - at.power * sine)
+    # (c²)' = G² α (α − 1) sin 2v ∫ t (1 − tu)^(α−2) dt.
+    rate = curve.first * curve.first * curve.alpha * curve.beyond * sine * cosine * mean / (at.c + at.c)
+    twice = curve.beyond * square
+    second = sine * pull / divisor * rate / at.c - cosine * (twice + twice + pull) / divisor
+    return _in_order(curve, first, second, -curve.Z * sine)
 
 
 class Equator(NamedTuple, Generic[T]):

@@ -6,7 +6,20 @@ from flint import arb, ctx
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.dynamics.reduction.geometry.point import BALLS, RANGES, REALS, make_equator, place_of
+from service.dynamics.reduction.geometry.point import (
+    BALLS,
+    RANGES,
+    REALS,
+    Curve,
+    CurvePlace,
+    bends_of,
+    gamma_of,
+    make_equator,
+    place_of,
+    r_over_p,
+    rates_of,
+    speed_factor,
+)
 
 ALPHAS = [1.25, 2.0, 3.5, 17.0]
 Z, G = 0.8, 0.6
@@ -75,3 +88,39 @@ def test_the_range_holds_every_value(one, other, share, alpha):
     if inside > 0:
         values = ball_place(BALLS, inside.cos(), inside.sin(), alpha)
         assert all(each.overlaps(value) for each, value in zip(found, values, strict=True))
+
+
+def curve_place(curve, v):
+    sine, cosine = v.sin_cos()
+    power, u = abs(sine) ** curve.beyond, cosine * cosine
+    c = (curve.Z**2 + curve.first**2 * (1 - abs(sine) ** (2 * curve.alpha)) / u).sqrt()
+    return CurvePlace(sine, cosine, power, sine.sgn(), c)
+
+
+@given(
+    st.floats(-3.0, 3.0).filter(lambda v: abs(v) > 0.1 and abs(abs(v) - 1.5708) > 0.1),
+    st.sampled_from([(1.25, 1), (2, 1), (3.5, -1), (17, 1)]),
+    st.booleans(),
+)
+def test_derivatives_and_speeds_are_those_of_the_place(v, numbers, mirrored):
+    alpha, sign = numbers
+    with ctx.workprec(400):
+        C, v = arb("0.7"), arb(v)
+        curve = Curve(arb(sign * G), arb(Z), arb(alpha), arb(alpha - 1), alpha * C, C, mirrored)
+        at, h = curve_place(curve, v), arb(2) ** -80
+        below, middle, above = (gamma_of(curve, curve_place(curve, v + k * h)) for k in (-1, 0, 1))
+        u = at.cosine**2
+        # ∫ t (1 − tu)^(α−2) dt over [0, 1], twice, by parts.
+        s = 1 - u
+        mean = 2 * (1 - s**curve.beyond * (1 + curve.beyond * u)) / (u * u * curve.alpha * curve.beyond)
+        rates, bends = rates_of(curve, at), bends_of(curve, at, at.power / at.sine, mean)
+        for low, here, high, rate, bend in zip(below, middle, above, rates, bends, strict=True):
+            # Differences leave out h² times the third and the fourth derivative, which 0.1 from pole and
+            # equator are below 1e9: 1e-39; second ones are rounded by 2^-400/h².
+            assert abs((high - low) / (2 * h) - rate) < 1e-38
+            assert abs((high - 2 * here + low) / (h * h) - bend) < 1e-38
+        g1, _, g3 = middle[::-1] if mirrored else middle
+        Q = curve.A * g1 * g1 + C * g3 * g3
+        # With P = C g3 D/((A − C) A g1) and h − V = Q D/(2 (A − C) g1 g3).
+        assert abs(speed_factor(curve, at.power) - 2 * C * g3 * g3 / (curve.A * Q)) < 1e-100
+        assert abs(r_over_p(curve, at) + curve.A * g1 / (C * g3)) < 1e-100

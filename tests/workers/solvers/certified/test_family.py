@@ -124,10 +124,16 @@ def test_a_kink_on_the_way_is_left_to_the_quadrature():
 
 
 def test_enclosures_use_the_same_way(monkeypatch):
-    """The way that is made for the function of time is not made once more for its samples."""
+    """The way that is made for the function of time is not made once more: for samples, other tiers, and
+    for who asks the same problem.
+    """
+
     # A potential that no other test has: its way is not known before.
-    anew = planar(body("7/5", 1), SPECIAL, PlanarMotion(Fraction(1)), (0, 9, 23))
-    problem = replace(anew, accuracy=Accuracy(1e-10, "standard"))
+    def read() -> Problem:
+        anew = planar(body("7/5", 1), f"3/4*({SPECIAL})", PlanarMotion(Fraction(1)), (0, 9, 23))
+        return replace(anew, accuracy=Accuracy(1e-10, "standard"))
+
+    problem = read()
     made = []
     original = TimeModel.__init__
 
@@ -140,5 +146,9 @@ def test_enclosures_use_the_same_way(monkeypatch):
     assert isinstance(found, Motion)
     assert len(made) == 1
     times = [Fraction(t) for t in found.times.tolist()]
-    certify(problem.body, problem.potential, problem.motion, times, problem.accuracy.bits)
-    assert len(made) == 1
+    for asked in (problem, read()):
+        certify(asked.body, asked.potential, asked.motion, times, asked.accuracy.bits)
+        assert len(made) == 1
+    # More bits are another way.
+    certify(problem.body, problem.potential, problem.motion, times, 2 * problem.accuracy.bits)
+    assert len(made) == 2

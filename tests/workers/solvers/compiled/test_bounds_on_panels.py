@@ -108,7 +108,7 @@ def test_discs_hold_what_the_formula_is_in_the_complex_plane(rigid_body, text):
     for k, side in enumerate((1.0, -1.0)):
         put_pole(discs, 30 + k, 0.06, side, half)
     row = derivatives_on_discs(worked, loop, discs, 32)
-    c, r, e = worked.centres, worked.radii, worked.powers
+    c, r, e = worked.discs
     known = 0
     for m in range(32):
         angles = 2j * np.pi * np.arange(9) / 9

@@ -11,6 +11,7 @@ from flint import arb, ctx
 from tests.support.effort import each_once
 from tests.support.planar import body, formula
 from workers.solvers import compiled
+from workers.solvers.compiled.discs.arithmetic import new_discs, run_rows
 from workers.solvers.compiled.doubled.arithmetic import run_doubled
 from workers.solvers.compiled.doubled.curve import FINER
 from workers.solvers.compiled.evaluation.interpreter import (
@@ -20,17 +21,15 @@ from workers.solvers.compiled.evaluation.interpreter import (
     run_bounded,
     run_double,
 )
+from workers.solvers.compiled.evaluation.low_degree import run_degrees
 from workers.solvers.compiled.evaluation.program import make_program, rests_of
 from workers.solvers.compiled.integrals.known import run_known
 from workers.solvers.compiled.residual.discs import run_discs
 from workers.solvers.compiled.solve_set import new_formula
+from workers.solvers.compiled.workspace import LANES
 
 BODY = body(3, 1)
-OWN_LOOPS = {
-    "discs/derivatives.py": "a number is a row with one power of the scale",
-    "evaluation/low_degree.py": "degrees of V, no numbers",
-    "general/series.py": "every order of a series needs the lower ones",
-}
+OWN_LOOPS = {"general/series.py": "every order of a series needs the lower ones"}
 """Other kernels that read instructions, and why they do."""
 FORMULAS = [
     "-g1",
@@ -43,14 +42,29 @@ FORMULAS = [
     "(2+g2)^(-1/2) - (3+g1)^(-7/3)/9 + abs(g3)^100/abs(g1)^(1/2)",
 ]
 POINTS = 50
+KERNELS = [run_double, run_bounded, run_doubled, run_known, run_discs, run_rows, run_degrees]
+
+
+def run_in_lanes(code, constants, lows, registers, count):
+    """Run rows of discs beside the power 0 of a scale."""
+    for begin in range(0, count, LANES):
+        here, discs = slice(begin, min(begin + LANES, count)), new_discs(registers.shape[1])
+        number = here.stop - begin
+        discs.centres[:3, :number], discs.radii[:3, :number] = registers[:, :3, here]
+        run_rows(code, constants, lows, discs, number)
+        for part, found in zip(registers, discs, strict=False):
+            part[:, here] = found[: registers.shape[1], :number]
+
+
 RUNS = {
     "double": run_double,
     "bounded": run_bounded,
     "doubled": run_doubled,
     "known": run_known,
     "discs": run_discs,
+    "rows": run_in_lanes,
 }
-PARTS = {"double": 1, "bounded": 2, "doubled": 2, "known": 3, "discs": 2}
+PARTS = {"double": 1, "bounded": 2, "doubled": 2, "known": 3, "discs": 2, "rows": 2}
 
 
 def points(count=POINTS):
@@ -95,8 +109,9 @@ def test_every_arithmetic_keeps_its_bounds(text):
     assert (distances(potential, g, high, low) <= 2.0 * error).all()
     # A function is known to 2^-94 of itself, of its argument and of 1.
     assert (error <= (1.0 + ulps) * 2.0**-92).all()
-    centres, radii = registers_of("discs", potential, g)
-    assert (distances(potential, g, centres) <= radii).all()
+    for arithmetic in ("discs", "rows"):
+        centres, radii = registers_of(arithmetic, potential, g)
+        assert (distances(potential, g, centres) <= radii).all()
 
 
 @each_once(text=list(FORMULAS), arithmetic=list(RUNS))
@@ -108,14 +123,14 @@ def test_no_digit_depends_on_the_points_that_are_gone_through_with_it(arithmetic
         assert np.array_equal(alone[..., 0], together[..., m])
 
 
-@pytest.mark.parametrize("name", RUNS)
-def test_compiled_code_of_an_arithmetic_belongs_to_its_module(name):
+@pytest.mark.parametrize("kernel", KERNELS, ids=lambda each: each.py_func.__name__)
+def test_compiled_code_of_an_arithmetic_belongs_to_its_module(kernel):
     """It is found by the sources of that module; the loop itself is written in another."""
-    run = RUNS[name].py_func
-    assert getattr(import_module(run.__module__), run.__qualname__) is RUNS[name]
+    run = kernel.py_func
+    assert getattr(import_module(run.__module__), run.__qualname__) is kernel
 
 
-@pytest.mark.parametrize("arithmetic", ["bounded", "known", "discs"])
+@pytest.mark.parametrize("arithmetic", ["bounded", "known", "discs", "rows"])
 @pytest.mark.parametrize(
     ("text", "place"),
     [

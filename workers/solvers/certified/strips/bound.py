@@ -25,6 +25,11 @@ from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
+from service.dynamics.reduction.geometry.point import (
+    Curve,
+    CurvePlace,
+    gamma_of,
+)
 from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 from workers.solvers.certified.strips.algebra import Strip
 from workers.solvers.certified.strips.series import INFLATED, LEAST_REACH, ULP, Series
@@ -68,34 +73,30 @@ class _Curve:
 
     def __init__(self, curve: ComplexLoop, strip: Strip, sine: Series, cosine: Series) -> None:
         loop = curve.loop
-        self._curve, self._strip, self._sine, self._cosine = curve, strip, sine, cosine
-        self._Z, self._G = strip.ball(loop.Z), strip.ball(loop.G)
+        self._curve, self._strip = curve, strip
+        alpha = ball(loop.alpha)
+        balls = loop.g1_sign * loop.G, loop.Z, alpha, alpha - 1, ball(loop.A), ball(loop.C)
+        first, Z, *others = map(strip.ball, balls)
+        self._numbers = Curve(first, Z, others[0], others[1], others[2], others[3], loop.mirrored)
         m, n = loop.alpha.as_integer_ratio()
         size = sine if curve.side >= 0 else strip.negate(sine)
         root = strip.power(size, Fraction(1, n)) if max(m, n) <= LARGEST_TERMS else strip.unknown
         power = strip.power(root, Fraction(m - n))
-        self._steepness = power * power
-        """w^(α−1)."""
-        self._size = power * size
         quotient = strip.geometric(root * root, m)
         if n > 1:
             quotient = quotient * strip.inverse(strip.geometric(root * root, n))
-        self._c_squared = self._Z * self._Z + self._G * self._G * quotient
-        self._c = self._c_squared * strip.rsqrt(self._c_squared)
+        self._c_squared = Z * Z + first * first * quotient
+        c, turn = self._c_squared * strip.rsqrt(self._c_squared), strip.constant(Fraction(curve.side or 1))
+        self._at = CurvePlace(sine, cosine, power, turn, c)
 
     def N(self) -> Series:
         """Return h − V."""
-        curve, strip = self._curve, self._strip
-        loop = curve.loop
-        second = self._c * self._cosine
+        curve, strip, at = self._curve, self._strip, self._at
         if curve.side:
-            g1, g3 = self._G * self._size, self._Z * self._sine
-            g1 = g1 if loop.g1_sign > 0 else strip.negate(g1)
-            gamma = (g3, second, g1) if loop.mirrored else (g1, second, g3)
-            return strip.ball(curve.h) - curve.tape.evaluate(strip, gamma)
-        algebra = PowerAlgebra(strip, Small(self._sine, 1, 0))
-        first, third = algebra.loop(self._G, self._Z, loop.alpha, loop.g1_sign)
-        around = algebra.of(second)
+            return strip.ball(curve.h) - curve.tape.evaluate(strip, gamma_of(self._numbers, at))
+        loop, algebra = curve.loop, PowerAlgebra(strip, Small(at.sine, 1, 0))
+        first, third = algebra.loop(strip.ball(loop.G), self._numbers.Z, loop.alpha, loop.g1_sign)
+        around = algebra.of(at.c * at.cosine)
         powers = (third, around, first) if loop.mirrored else (first, around, third)
         return strip.ball(curve.h) - algebra.value(curve.tape.evaluate(algebra, powers))
 
@@ -104,7 +105,8 @@ class _Curve:
         loop, strip = self._curve.loop, self._strip
         A, C = ball(loop.A), ball(loop.C)
         # P = 2 C K / (A E).
-        E = strip.ball(C) + strip.ball(A * (loop.G / loop.Z) ** 2) * self._steepness
+        steepness = strip.ball(A * (loop.G / loop.Z) ** 2)
+        E = self._numbers.C + steepness * self._at.power * self._at.power
         rate = E * strip.rsqrt(E * self._c_squared * K)
         return float((loop.Z * (A / (2 * C)).sqrt()).upper()) * rate.norm * INFLATED
 

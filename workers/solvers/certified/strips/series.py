@@ -60,6 +60,9 @@ class Series:
     def __mul__(self, other: "Series") -> "Series":
         return self.strip.multiply(self, other)
 
+    def __neg__(self) -> "Series":
+        return self.strip.negate(self)
+
     @property
     def is_known(self) -> bool:
         """Say whether it is proven holomorphic."""

@@ -1,9 +1,9 @@
 r"""Arithmetic of discs with real centres, compiled: bounds of functions on whole stretches and around them.
 
-A row stands for a function on each of several stretches, the lanes: beside the power ``e`` of a
-positive scale s that the row has everywhere, it is within ``r`` of ``c``. On a disc of the complex
-plane this holds at every point, and ``c`` is the value at the centre. The scale is a disc too, or all
-of 0 < s ≤ 2c where it reaches down to 0. What is not analytic on a disc has NaN, which passes no
+A row, one register of a program, stands for a function on each of several stretches, the lanes: beside
+the power ``e`` of a positive scale s that the row has everywhere, it is within ``r`` of ``c``. On a disc of
+the complex plane this holds at every point, and ``c`` is the value at the centre. The scale is a disc too, or
+all of 0 < s ≤ 2c where it reaches down to 0. What is not analytic on a disc has NaN, which passes no
 comparison. Radii are rounded outwards.
 """
 
@@ -12,22 +12,32 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.evaluation.interpreter import power
+from workers.solvers.compiled.evaluation.interpreter import (
+    Constant,
+    RowArithmetic,
+    double_of,
+    interpreter,
+    power,
+)
 from workers.solvers.compiled.evaluation.program import ABS, EXP, LOG, SIGN, SIN, TAN
 from workers.solvers.compiled.kernels import inlined, kernel
+from workers.solvers.compiled.records import Discs
 from workers.solvers.compiled.workspace import LANES
 
 FloatArray = NDArray[np.float64]
 
-SCALE = 0
-"""The row of s itself."""
+SCALE = -1
+"""The row of s itself: the last one."""
 POWERS = 6
-"""Rows behind it that keep powers of s."""
-SCRATCH = 3
-"""Rows behind those."""
-FIRST_FREE = 1 + POWERS + SCRATCH
+"""Rows before it that keep powers of s."""
+SUMMAND, ARGUMENT, INVERSE = -POWERS - 2, -POWERS - 3, -POWERS - 4
+"""Rows before those, for scratch."""
+OWN = 1 + POWERS + 3
+"""Rows beside the registers."""
 OUTWARDS = 2.0**-50
 """Four roundings and more, relatively."""
+ROUNDED = 2.0**-52
+"""More than the rounding of a constant."""
 FUNCTIONS = 2.0**-48
 """Relative error of a function of the library."""
 TINY = 1e-300
@@ -37,15 +47,52 @@ SAME_POWER = 1e-12
 
 
 @kernel
-def new_rows(rows: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return centres, radii (rows, LANES) and the powers (rows,), NaN for a row that is 0 everywhere."""
-    count = FIRST_FREE + rows
-    return np.ones((count, LANES)), np.zeros((count, LANES)), np.zeros(count)
+def new_discs(registers: int) -> Discs:
+    """Return so many rows, and those that the arithmetic has for itself."""
+    count = registers + OWN
+    return Discs(np.ones((count, LANES)), np.zeros((count, LANES)), np.zeros(count))
+
+
+@kernel
+def forget_powers(discs: Discs) -> None:
+    """Begin with another scale."""
+    for k in range(POWERS):
+        discs.powers[SCALE - 1 - k] = 0.0
+
+
+@kernel
+def number(discs: Discs, to: int, constant: Constant, _count: int) -> None:
+    """Put a constant into a row; integers are exact."""
+    c, r, e = discs
+    value = double_of(constant)
+    known = abs(constant.constants[constant.slot]) + abs(value) if constant.slot >= 0 else 0.0
+    for m in range(LANES):
+        c[to, m], r[to, m] = value, known * ROUNDED
+    e[to] = 0.0 if constant.slot >= 0 or value != 0.0 else math.nan
 
 
 @inlined
-def multiply(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, j: int) -> None:
+def copy(discs: Discs, to: int, i: int, _count: int) -> None:
+    """Put a row into another."""
+    c, r, e = discs
+    for m in range(LANES):
+        c[to, m], r[to, m] = c[i, m], r[i, m]
+    e[to] = e[i]
+
+
+@inlined
+def negate(discs: Discs, to: int, i: int, _count: int) -> None:
+    """Put the opposite of a row into another."""
+    c, r, e = discs
+    for m in range(LANES):
+        c[to, m], r[to, m] = -c[i, m], r[i, m]
+    e[to] = e[i]
+
+
+@inlined
+def multiply(discs: Discs, to: int, i: int, j: int, _count: int) -> None:
     """Put the product of two rows into a third."""
+    c, r, e = discs
     for m in range(LANES):
         x, y, rx, ry = c[i, m], c[j, m], r[i, m], r[j, m]
         z = x * y
@@ -55,14 +102,16 @@ def multiply(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, j: in
 
 
 @kernel
-def scale_power(c: FloatArray, r: FloatArray, e: FloatArray, exponent: float, count: int) -> int:
+def scale_power(discs: Discs, exponent: float, count: int) -> int:
     """Return the row that has s to a positive ``exponent``."""
-    free = 1
-    while free <= POWERS and e[free] != 0.0:
+    c, r, e = discs
+    first, last = len(e) + SCALE - 1, len(e) + SCALE - POWERS
+    free = first
+    while free >= last and e[free] != 0.0:
         if e[free] == exponent:
             return free
-        free += 1
-    free = POWERS if free > POWERS else free
+        free -= 1
+    free = max(free, last)
     if exponent == 2.0:
         for m in range(LANES):
             x, rx = c[SCALE, m], r[SCALE, m]
@@ -85,11 +134,21 @@ def scale_power(c: FloatArray, r: FloatArray, e: FloatArray, exponent: float, co
     return free
 
 
+@inlined
+def add(discs: Discs, to: int, i: int, j: int, count: int) -> None:
+    """Put the sum of two rows into a third, beside the lower of their powers."""
+    _add(discs, to, i, j, 1.0, count)
+
+
+@inlined
+def subtract(discs: Discs, to: int, i: int, j: int, count: int) -> None:
+    """Put the difference of two rows into a third, in the same way."""
+    _add(discs, to, i, j, -1.0, count)
+
+
 @kernel
-def add(
-    c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, j: int, sign: float, count: int
-) -> None:
-    """Put row i + sign · row j into a third, beside the lower of their powers."""
+def _add(discs: Discs, to: int, i: int, j: int, sign: float, count: int) -> None:
+    c, r, e = discs
     if math.isnan(e[j]) or math.isnan(e[i]):
         k, factor = (j, sign) if math.isnan(e[i]) else (i, 1.0)
         for m in range(LANES):
@@ -98,9 +157,9 @@ def add(
         return
     low = min(e[i], e[j])
     if e[i] - low > SAME_POWER:
-        i = _beside(c, r, e, FIRST_FREE - 1, i, low, count)
+        i = _beside(discs, SUMMAND, i, low, count)
     if e[j] - low > SAME_POWER:
-        j = _beside(c, r, e, FIRST_FREE - 1, j, low, count)
+        j = _beside(discs, SUMMAND, j, low, count)
     for m in range(LANES):
         z = c[i, m] + sign * c[j, m]
         c[to, m], r[to, m] = z, (r[i, m] + r[j, m]) * (1.0 + OUTWARDS) + abs(z) * OUTWARDS + TINY
@@ -108,32 +167,37 @@ def add(
 
 
 @kernel
-def _beside(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, low: float, count: int) -> int:
+def _beside(discs: Discs, to: int, i: int, low: float, count: int) -> int:
     """Put a row beside a lower power of the scale; return where it is."""
-    k = scale_power(c, r, e, e[i] - low, count)
-    multiply(c, r, e, to, i, k)
-    e[to] = low
+    k = scale_power(discs, discs.powers[i] - low, count)
+    multiply(discs, to, i, k, count)
+    discs.powers[to] = low
     return to
 
 
 @kernel
-def collapse(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, count: int) -> None:
+def collapse(discs: Discs, to: int, i: int, count: int) -> None:
     """Put a row without any power of the scale into another; NaN where a negative one diverges."""
+    e = discs.powers
     if abs(e[i]) <= SAME_POWER:
-        for m in range(LANES):
-            c[to, m], r[to, m] = c[i, m], r[i, m]
+        copy(discs, to, i, count)
     elif e[i] > 0.0:
-        _beside(c, r, e, to, i, 0.0, count)
+        _beside(discs, to, i, 0.0, count)
     else:
-        k = scale_power(c, r, e, -e[i], count)
-        invert(c, r, e, FIRST_FREE - 1, k)
-        multiply(c, r, e, to, i, FIRST_FREE - 1)
+        divide(discs, to, i, scale_power(discs, -e[i], count), count)
     e[to] = 0.0
 
 
 @inlined
-def invert(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int) -> None:
-    """Put the inverse of a row into another."""
+def divide(discs: Discs, to: int, i: int, j: int, count: int) -> None:
+    """Put the quotient of two rows into a third."""
+    _invert(discs, INVERSE, j)
+    multiply(discs, to, i, INVERSE, count)
+
+
+@inlined
+def _invert(discs: Discs, to: int, i: int) -> None:
+    c, r, e = discs
     for m in range(LANES):
         size, rx = abs(c[i, m]), r[i, m]
         z = 1.0 / c[i, m]
@@ -150,22 +214,10 @@ def is_even(exponent: float) -> bool:
 
 
 @kernel
-def raise_to(
-    c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, exponent: float, count: int
-) -> None:
-    """Put a power of a row into another."""
-    if exponent == 2.0:
-        for m in range(LANES):
-            x, rx = abs(c[i, m]), r[i, m]
-            c[to, m] = x * x
-            r[to, m] = (2.0 * x + rx) * rx * (1.0 + OUTWARDS) + x * x * OUTWARDS + TINY
-        e[to] = 2.0 * e[i]
-        return
-    if exponent == 1.0:
-        for m in range(LANES):
-            c[to, m], r[to, m] = c[i, m], r[i, m]
-        e[to] = e[i]
-        return
+def raise_to(discs: Discs, to: int, i: int, constant: Constant, count: int) -> None:
+    """Put the power of a row to a constant into another."""
+    c, r, e = discs
+    exponent = double_of(constant)
     is_whole = exponent == math.floor(exponent)
     for m in range(count):
         x, rx = c[i, m], r[i, m]
@@ -190,21 +242,19 @@ def raise_to(
 
 
 @kernel
-def function(
-    operation: int, c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, count: int
-) -> None:
+def function(discs: Discs, to: int, i: int, operation: int, count: int) -> None:
     """Put a function, numbered as in :mod:`compiled.evaluation.program`, into a row."""
-    e[to] = 0.0
+    c, r, e = discs
     if operation in (ABS, SIGN):
-        _sign_or_size(operation, c, r, e, to, i, count)
+        _sign_or_size(discs, to, i, operation, count)
         return
     if operation == LOG:
-        _logarithm(c, r, e, to, i, count)
+        _logarithm(discs, to, i, count)
         return
-    argument = FIRST_FREE - 2
-    collapse(c, r, e, argument, i, count)
+    collapse(discs, ARGUMENT, i, count)
+    e[to] = 0.0
     for m in range(count):
-        x, rx = c[argument, m], r[argument, m]
+        x, rx = c[ARGUMENT, m], r[ARGUMENT, m]
         if operation == EXP:
             z = math.exp(x)
             wide = z * math.expm1(rx)
@@ -226,9 +276,8 @@ def function(
 
 
 @kernel
-def _sign_or_size(
-    operation: int, c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, count: int
-) -> None:
+def _sign_or_size(discs: Discs, to: int, i: int, operation: int, count: int) -> None:
+    c, r, e = discs
     for m in range(count):
         x, rx = c[i, m], r[i, m]
         is_known = abs(x) > rx and (is_even(e[i]) or r[SCALE, m] <= c[SCALE, m])
@@ -237,13 +286,13 @@ def _sign_or_size(
             c[to, m], r[to, m] = abs(x), rx + wide
         else:
             c[to, m], r[to, m] = (1.0 if x > 0.0 else -1.0), wide
-    if operation == ABS:
-        e[to] = e[i]
+    e[to] = e[i] if operation == ABS else 0.0
 
 
 @kernel
-def _logarithm(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, count: int) -> None:
+def _logarithm(discs: Discs, to: int, i: int, count: int) -> None:
     """Log (c s^e) is log c + e log s."""
+    c, r, e = discs
     for m in range(count):
         x, rx, s, rs = c[i, m], r[i, m], c[SCALE, m], r[SCALE, m]
         z = math.log(x)
@@ -255,3 +304,13 @@ def _logarithm(c: FloatArray, r: FloatArray, e: FloatArray, to: int, i: int, cou
                 wide = math.nan
         wide += (abs(z) + wide + 1.0 + abs(e[i] * math.log(s))) * FUNCTIONS
         c[to, m], r[to, m] = z, (wide if x > rx * (1.0 + 2.0**-40) else math.nan)
+    e[to] = 0.0
+
+
+run_rows = interpreter(
+    RowArithmetic(
+        number, copy, add, subtract, multiply, divide, negate, raise_to, function, inverts_first=True
+    ),
+    __name__,
+    "run_rows",
+)

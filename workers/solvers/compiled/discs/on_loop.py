@@ -2,9 +2,7 @@
 
 import math
 
-from workers.solvers.compiled.discs.arithmetic import FUNCTIONS, SCALE
-from workers.solvers.compiled.discs.derivatives import G as FIRST_ROW
-from workers.solvers.compiled.discs.derivatives import disc_derivative
+from workers.solvers.compiled.discs.arithmetic import FUNCTIONS, SCALE, forget_powers, run_rows
 from workers.solvers.compiled.evaluation.interpreter import power
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop
@@ -47,10 +45,9 @@ def derivatives_on_discs(
     count: int,
 ) -> int:
     """Return the row of D on the discs, which is beside a power of s = |sin v|; fill in c²."""
-    c, r, e = formula.centres, formula.radii, formula.powers
+    c, r, e = formula.discs
     alpha, size, z, sign = loop.alpha, loop.g, loop.z, loop.sign1
-    first, third = (FIRST_ROW + 2, FIRST_ROW) if loop.mirrored else (FIRST_ROW, FIRST_ROW + 2)
-    second = FIRST_ROW + 1
+    first, second, third = (2, 1, 0) if loop.mirrored else (0, 1, 2)
     for m in range(count):
         s, sr, k, kr = discs.s_centre[m], discs.s_radius[m], discs.c_centre[m], discs.c_radius[m]
         c[SCALE, m], r[SCALE, m] = s, sr
@@ -66,7 +63,10 @@ def derivatives_on_discs(
         c[second, m] = root * k
         r[second, m] = (root * kr + root_r * (abs(k) + kr)) * (1.0 + FUNCTIONS) + FUNCTIONS * abs(root * k)
     e[SCALE], e[first], e[second], e[third] = 1.0, alpha, 0.0, 1.0
-    return disc_derivative(formula, count)
+    forget_powers(formula.discs)
+    run_rows(formula.turn.code, formula.constants, formula.lows, formula.discs, count)
+    D: int = formula.turn.results[0]
+    return D
 
 
 @kernel

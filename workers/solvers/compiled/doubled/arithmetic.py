@@ -11,7 +11,13 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.evaluation.interpreter import CompiledArithmetic, interpreter
+from workers.solvers.compiled.evaluation.interpreter import (
+    CompiledArithmetic,
+    Constant,
+    get_pair,
+    interpreter_of,
+    put_pair,
+)
 from workers.solvers.compiled.evaluation.program import ABS, EXP, LOG, SIGN, SIN, TAN
 from workers.solvers.compiled.kernels import fused, inlined, kernel
 
@@ -206,17 +212,8 @@ def call(operation: int, a: Twice) -> Twice:
 
 
 @inlined
-def _get(registers: FloatArray, n: int, m: int) -> Twice:
-    return registers[0, n, m], registers[1, n, m]
-
-
-@inlined
-def _put(registers: FloatArray, n: int, m: int, a: Twice) -> None:
-    registers[0, n, m], registers[1, n, m] = a
-
-
-@inlined
-def _number(constants: FloatArray, lows: FloatArray, slot: int, more: int) -> Twice:
+def _number(constant: Constant) -> Twice:
+    constants, lows, slot, more = constant
     return add((constants[slot], lows[slot]), (float(more), 0.0)) if slot >= 0 else (float(more), 0.0)
 
 
@@ -225,8 +222,8 @@ def _negate(a: Twice) -> Twice:
     return -a[0], -a[1]
 
 
-run_doubled = interpreter(
-    CompiledArithmetic(_get, _put, _number, add, subtract, multiply, divide, _negate, power, call),
+run_doubled = interpreter_of(
+    CompiledArithmetic(get_pair, put_pair, _number, add, multiply, divide, _negate, power, call),
     __name__,
     "run_doubled",
 )

@@ -73,9 +73,7 @@ def map_time_doubled(
         formula.constants,
         formula.lows,
         formula.registers,
-        formula.centres,
-        formula.radii,
-        formula.powers,
+        formula.discs,
         series[:length],
     )
     squares = np.empty((0, 1))

@@ -2,7 +2,8 @@
 
 Every instruction is carried out at all points before the next: what it costs to read a program is shared, and
 plain arithmetic goes through several points at once. Each point has the digits it has alone. An arithmetic
-states its eight operations on numbers of its own; whole powers are products in each of them.
+states its operations on numbers of its own, or on whole registers where the points of one have something in
+common; whole powers are products in each of them.
 """
 
 import math
@@ -33,13 +34,44 @@ from workers.solvers.compiled.records import Formula
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 T = TypeVar("T")
+R = TypeVar("R")
+F = TypeVar("F", bound=Callable[..., object])
 
 LARGEST_PRODUCT: Final = 64.0
 """Whole powers up to this one are products."""
-Run = Callable[[IntArray, FloatArray, FloatArray, FloatArray, int], None]
-"""Fills in the registers of a program at some points, given the code, the constants, their low parts, and the
-number of points. Registers have the shape (parts of a number, 4 + instructions, at least so many); those of
-g1, g2 and g3 are there, and the last is scratch."""
+Run = Callable[[IntArray, FloatArray, FloatArray, R, int], None]
+"""Fills in the registers of a program, given the code, the constants, their low parts, the registers, and
+the number of points. Those of g1, g2 and g3 are there, and behind those of the instructions is one more."""
+
+
+class Constant(NamedTuple):
+    """A number of a program, as kernels see it."""
+
+    constants: FloatArray
+    lows: FloatArray
+    """Low parts that the doubles of the constants leave out."""
+    slot: int
+    """The place among these, -1 for 0."""
+    more: int
+    """An integer that is added."""
+
+
+class RowArithmetic(NamedTuple, Generic[R]):
+    """Kernels that fill a whole register from others, told by their numbers; these may be the same one."""
+
+    number: Callable[[R, int, Constant, int], None]
+    copy: Callable[[R, int, int, int], None]
+    add: Callable[[R, int, int, int, int], None]
+    subtract: Callable[[R, int, int, int, int], None]
+    multiply: Callable[[R, int, int, int, int], None]
+    divide: Callable[[R, int, int, int, int], None]
+    negate: Callable[[R, int, int, int], None]
+    power: Callable[[R, int, int, Constant, int], None]
+    """Puts the power to a number that is not whole, or is large."""
+    call: Callable[[R, int, int, int, int], None]
+    """Puts a function of a register, numbered as in :mod:`.program`, the number after the register."""
+    inverts_first: bool = False
+    """Whether 1/x^n is (1/x)^n, which is narrower where x is a disc, and rounded more often."""
 
 
 class CompiledArithmetic(NamedTuple, Generic[T]):
@@ -47,92 +79,167 @@ class CompiledArithmetic(NamedTuple, Generic[T]):
 
     get: Callable[[FloatArray, int, int], T]
     put: Callable[[FloatArray, int, int, T], None]
-    """Read and write a register at a point."""
-    number: Callable[[FloatArray, FloatArray, int, int], T]
-    """Returns a constant, of the constants and their low parts by its place (-1: 0), and an integer more."""
+    """Read and write a register at a point; the shape is (parts of a number, registers, points)."""
+    number: Callable[[Constant], T]
     add: Callable[[T, T], T]
-    subtract: Callable[[T, T], T]
     multiply: Callable[[T, T], T]
     divide: Callable[[T, T], T]
     negate: Callable[[T], T]
     power: Callable[[T, T], T]
-    """Returns the power to a number that is not whole, or is large."""
     call: Callable[[int, T], T]
-    """Returns a function, numbered as in :mod:`.program`."""
     inverts_first: bool = False
-    """Whether 1/x^n is (1/x)^n, which is narrower where x is a disc, and rounded more often."""
+    """The last three are as in :class:`RowArithmetic`."""
 
 
-def interpreter(arithmetic: CompiledArithmetic[T], module: str, name: str) -> Run:
+def interpreter(rows: RowArithmetic[R], module: str, name: str) -> Run[R]:
     """Return the loop over a program's operations in an arithmetic, which gets this name in a module."""
-    get, put, number, add, subtract, multiply, divide, negate, power, call, inverts_first = arithmetic
+    number, copy, add, subtract, multiply, divide, negate, power, call, inverts_first = rows
 
-    def run(
-        code: IntArray, constants: FloatArray, lows: FloatArray, registers: FloatArray, count: int
-    ) -> None:
-        free = registers.shape[1] - 1
-        # No views of single registers: making them takes longer than the arithmetic.
+    def run(code: IntArray, constants: FloatArray, lows: FloatArray, registers: R, count: int) -> None:
+        free, one = 3 + code.shape[0], Constant(constants, lows, -1, 1)
         for k in range(code.shape[0]):
             operation, i, j, slot, n = code[k, 0], code[k, 1], code[k, 2], code[k, 3], 3 + k
             if operation == MULTIPLY:
-                for m in range(count):
-                    put(registers, n, m, multiply(get(registers, i, m), get(registers, j, m)))
+                multiply(registers, n, i, j, count)
             elif operation == ADD:
-                for m in range(count):
-                    put(registers, n, m, add(get(registers, i, m), get(registers, j, m)))
+                add(registers, n, i, j, count)
             elif operation == SUBTRACT:
-                for m in range(count):
-                    put(registers, n, m, subtract(get(registers, i, m), get(registers, j, m)))
+                subtract(registers, n, i, j, count)
             elif operation == DIVIDE:
-                for m in range(count):
-                    put(registers, n, m, divide(get(registers, i, m), get(registers, j, m)))
+                divide(registers, n, i, j, count)
             elif operation == NEGATE:
-                for m in range(count):
-                    put(registers, n, m, negate(get(registers, i, m)))
+                negate(registers, n, i, count)
             elif operation == CONSTANT:
-                exact = number(constants, lows, slot, j)
-                for m in range(count):
-                    put(registers, n, m, exact)
+                number(registers, n, Constant(constants, lows, slot, j), count)
             elif operation == POWER:
-                exact = number(constants, lows, slot, j)
                 exponent = (constants[slot] if slot >= 0 else 0.0) + j
                 is_exact = slot < 0 or len(lows) == 0 or lows[slot] == 0.0
                 if is_exact and exponent == math.floor(exponent) and abs(exponent) <= LARGEST_PRODUCT:
-                    left, is_begun, one = int(abs(exponent)), False, number(constants, lows, -1, 1)
-                    for m in range(count):
-                        x = get(registers, i, m)
-                        put(registers, free, m, divide(one, x) if inverts_first and exponent < 0.0 else x)
-                        put(registers, n, m, one)
+                    left, is_begun = int(abs(exponent)), False
+                    number(registers, n, one, count)
+                    if inverts_first and exponent < 0.0:
+                        divide(registers, free, n, i, count)
+                    else:
+                        copy(registers, free, i, count)
                     while left:
                         if left & 1 and is_begun:
-                            for m in range(count):
-                                put(registers, n, m, multiply(get(registers, n, m), get(registers, free, m)))
+                            multiply(registers, n, n, free, count)
                         elif left & 1:
-                            for m in range(count):
-                                put(registers, n, m, get(registers, free, m))
+                            copy(registers, n, free, count)
                             is_begun = True
                         left >>= 1
                         if left:
-                            for m in range(count):
-                                square = multiply(get(registers, free, m), get(registers, free, m))
-                                put(registers, free, m, square)
+                            multiply(registers, free, free, free, count)
                     if exponent < 0.0 and not inverts_first:
-                        for m in range(count):
-                            put(registers, n, m, divide(one, get(registers, n, m)))
+                        number(registers, free, one, count)
+                        divide(registers, n, free, n, count)
                 else:
-                    for m in range(count):
-                        put(registers, n, m, power(get(registers, i, m), exact))
+                    power(registers, n, i, Constant(constants, lows, slot, j), count)
             elif operation >= EXP:
-                for m in range(count):
-                    put(registers, n, m, call(operation, get(registers, i, m)))
+                call(registers, n, i, operation, count)
             else:
-                for m in range(count):
-                    logarithm = call(LOG, get(registers, i, m))
-                    put(registers, n, m, call(EXP, multiply(get(registers, j, m), logarithm)))
+                call(registers, free, i, LOG, count)
+                multiply(registers, free, j, free, count)
+                call(registers, n, free, EXP, count)
 
-    # Its code is found by these, and is made of what the module imports.
-    run.__module__, run.__name__, run.__qualname__ = module, name, name
-    return kernel(run)
+    return kernel(_named(run, module, name))
+
+
+def _named(function: F, module: str, name: str) -> F:
+    """Return a function under the name by which its code is found, with what that module imports."""
+    function.__module__, function.__name__, function.__qualname__ = module, name, name
+    return function
+
+
+def interpreter_of(arithmetic: CompiledArithmetic[T], module: str, name: str) -> Run[FloatArray]:
+    """Return :func:`interpreter` in an arithmetic of numbers, which is gone through point by point."""
+    get, put, number, add, multiply, divide, negate, power, call, inverts_first = arithmetic
+
+    # No views of single registers: making them takes longer than the arithmetic.
+    def put_number(registers: FloatArray, to: int, constant: Constant, count: int) -> None:
+        exact = number(constant)
+        for m in range(count):
+            put(registers, to, m, exact)
+
+    def put_copy(registers: FloatArray, to: int, i: int, count: int) -> None:
+        for m in range(count):
+            put(registers, to, m, get(registers, i, m))
+
+    def put_sum(registers: FloatArray, to: int, i: int, j: int, count: int) -> None:
+        for m in range(count):
+            put(registers, to, m, add(get(registers, i, m), get(registers, j, m)))
+
+    def put_difference(registers: FloatArray, to: int, i: int, j: int, count: int) -> None:
+        for m in range(count):
+            put(registers, to, m, add(get(registers, i, m), negate(get(registers, j, m))))
+
+    def put_product(registers: FloatArray, to: int, i: int, j: int, count: int) -> None:
+        for m in range(count):
+            put(registers, to, m, multiply(get(registers, i, m), get(registers, j, m)))
+
+    def put_quotient(registers: FloatArray, to: int, i: int, j: int, count: int) -> None:
+        for m in range(count):
+            put(registers, to, m, divide(get(registers, i, m), get(registers, j, m)))
+
+    def put_opposite(registers: FloatArray, to: int, i: int, count: int) -> None:
+        for m in range(count):
+            put(registers, to, m, negate(get(registers, i, m)))
+
+    def put_power(registers: FloatArray, to: int, i: int, constant: Constant, count: int) -> None:
+        exponent = number(constant)
+        for m in range(count):
+            put(registers, to, m, power(get(registers, i, m), exponent))
+
+    def put_function(registers: FloatArray, to: int, i: int, operation: int, count: int) -> None:
+        for m in range(count):
+            put(registers, to, m, call(operation, get(registers, i, m)))
+
+    def inside(function: F) -> F:
+        return inlined(_named(function, module, f"{name}_{function.__name__}"))
+
+    rows = RowArithmetic(
+        inside(put_number),
+        inside(put_copy),
+        inside(put_sum),
+        inside(put_difference),
+        inside(put_product),
+        inside(put_quotient),
+        inside(put_opposite),
+        inside(put_power),
+        inside(put_function),
+        inverts_first,
+    )
+    return interpreter(rows, module, name)
+
+
+@inlined
+def get_pair(registers: FloatArray, n: int, m: int) -> tuple[float, float]:
+    """Return a number of two parts."""
+    return registers[0, n, m], registers[1, n, m]
+
+
+@inlined
+def put_pair(registers: FloatArray, n: int, m: int, x: tuple[float, float]) -> None:
+    """Put a number of two parts into a register."""
+    registers[0, n, m], registers[1, n, m] = x
+
+
+@inlined
+def get_triple(registers: FloatArray, n: int, m: int) -> tuple[float, float, float]:
+    """Return a number of three parts."""
+    return registers[0, n, m], registers[1, n, m], registers[2, n, m]
+
+
+@inlined
+def put_triple(registers: FloatArray, n: int, m: int, x: tuple[float, float, float]) -> None:
+    """Put a number of three parts into a register."""
+    registers[0, n, m], registers[1, n, m], registers[2, n, m] = x
+
+
+@inlined
+def double_of(constant: Constant) -> float:
+    """Return the double of a constant."""
+    return (constant.constants[constant.slot] if constant.slot >= 0 else 0.0) + constant.more
 
 
 @kernel
@@ -184,18 +291,8 @@ def _put(registers: FloatArray, n: int, m: int, x: float) -> None:
 
 
 @inlined
-def _number(constants: FloatArray, _lows: FloatArray, slot: int, more: int) -> float:
-    return (constants[slot] if slot >= 0 else 0.0) + more
-
-
-@inlined
 def _add(x: float, y: float) -> float:
     return x + y
-
-
-@inlined
-def _subtract(x: float, y: float) -> float:
-    return x - y
 
 
 @inlined
@@ -213,8 +310,8 @@ def _negate(x: float) -> float:
     return -x
 
 
-run_double = interpreter(
-    CompiledArithmetic(_get, _put, _number, _add, _subtract, _multiply, _divide, _negate, power, call),
+run_double = interpreter_of(
+    CompiledArithmetic(_get, _put, double_of, _add, _multiply, _divide, _negate, power, call),
     __name__,
     "run_double",
 )
@@ -224,30 +321,14 @@ Bounded = tuple[float, float]
 
 
 @inlined
-def _get_bounded(registers: FloatArray, n: int, m: int) -> Bounded:
-    return registers[0, n, m], registers[1, n, m]
-
-
-@inlined
-def _put_bounded(registers: FloatArray, n: int, m: int, x: Bounded) -> None:
-    registers[0, n, m], registers[1, n, m] = x
-
-
-@inlined
-def _number_bounded(constants: FloatArray, lows: FloatArray, slot: int, more: int) -> Bounded:
-    value = _number(constants, lows, slot, more)
-    return value, (abs(value) + abs(constants[slot]) if slot >= 0 else 0.0)
+def _number_bounded(constant: Constant) -> Bounded:
+    value, slot = double_of(constant), constant.slot
+    return value, (abs(value) + abs(constant.constants[slot]) if slot >= 0 else 0.0)
 
 
 @inlined
 def _add_bounded(x: Bounded, y: Bounded) -> Bounded:
     value = x[0] + y[0]
-    return value, x[1] + y[1] + abs(value)
-
-
-@inlined
-def _subtract_bounded(x: Bounded, y: Bounded) -> Bounded:
-    value = x[0] - y[0]
     return value, x[1] + y[1] + abs(value)
 
 
@@ -297,13 +378,12 @@ def _call_bounded(operation: int, x: Bounded) -> Bounded:
     return value, abs(slope) * x[1] + 2.0 * abs(value)
 
 
-run_bounded = interpreter(
+run_bounded = interpreter_of(
     CompiledArithmetic(
-        _get_bounded,
-        _put_bounded,
+        get_pair,
+        put_pair,
         _number_bounded,
         _add_bounded,
-        _subtract_bounded,
         _multiply_bounded,
         _divide_bounded,
         _negate_bounded,

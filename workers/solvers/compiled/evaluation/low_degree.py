@@ -1,71 +1,101 @@
 """Tells whether V is a sum of low powers, which have no features much narrower than the sphere."""
 
-import numpy as np
+import math
 
-from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.evaluation.interpreter import (
+    CompiledArithmetic,
+    Constant,
+    double_of,
+    get_triple,
+    interpreter_of,
+    new_registers,
+    put_triple,
+)
+from workers.solvers.compiled.evaluation.program import ABS
+from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Formula
 
 HIGHEST = 12.0
 """Degree, of either sign, of the products of g1, g2 and g3 that V is a sum of."""
-_LOW, _HIGH, _TERMS, _HAS_G2, _VARIES = range(5)
+NUMBER, PRODUCT, SUM, OTHER = 0.0, 1.0, 2.0, 3.0
+"""What a register may be: a number, a product of powers of g1 and g3, a sum of such products and whole powers
+of g2, and anything else."""
+Degrees = tuple[float, float, float]
+"""The lowest and the highest degree, and the kind."""
+
+
+@inlined
+def _number(constant: Constant) -> Degrees:
+    # Its value instead of its degrees, which are 0: it may be an exponent.
+    return double_of(constant), 0.0, NUMBER
+
+
+@inlined
+def _of(x: Degrees) -> Degrees:
+    return (0.0, 0.0, NUMBER) if x[2] == NUMBER else x
+
+
+@inlined
+def _within(low: float, high: float, kind: float) -> Degrees:
+    return low, high, kind if low >= -HIGHEST and high <= HIGHEST else OTHER
 
 
 @kernel
-def is_of_low_degree(
-    formula: Formula,
-) -> bool:
+def _sum(x: Degrees, y: Degrees) -> Degrees:
+    x, y = _of(x), _of(y)
+    kind = max(x[2], y[2])
+    return min(x[0], y[0]), max(x[1], y[1]), kind if kind == NUMBER else max(kind, SUM)
+
+
+@kernel
+def _product(x: Degrees, y: Degrees) -> Degrees:
+    x, y = _of(x), _of(y)
+    return _within(x[0] + y[0], x[1] + y[1], max(x[2], y[2]))
+
+
+@kernel
+def _quotient(x: Degrees, y: Degrees) -> Degrees:
+    x, y = _of(x), _of(y)
+    return _within(x[0] - y[1], x[1] - y[0], max(x[2], y[2]) if y[2] <= PRODUCT else OTHER)
+
+
+@inlined
+def _opposite(x: Degrees) -> Degrees:
+    return x
+
+
+@kernel
+def _power(x: Degrees, exponent: Degrees) -> Degrees:
+    (low, high, kind), by = _of(x), exponent[0]
+    is_known = kind <= PRODUCT or (by >= 0.0 and by == math.floor(by))
+    return _within(min(by * low, by * high), max(by * low, by * high), kind if is_known else OTHER)
+
+
+@inlined
+def _function(operation: int, x: Degrees) -> Degrees:
+    is_known = x[2] == NUMBER or (operation == ABS and x[2] == PRODUCT)
+    return x[0], x[1], x[2] if is_known else OTHER
+
+
+run_degrees = interpreter_of(
+    CompiledArithmetic(
+        get_triple, put_triple, _number, _sum, _product, _quotient, _opposite, _power, _function
+    ),
+    __name__,
+    "run_degrees",
+)
+
+
+@kernel
+def is_of_low_degree(formula: Formula) -> bool:
     """Say whether V is a sum of products of real powers of g1 and g3 and whole powers of g2, of low degree.
 
     A feature of such a V is about as wide as the sphere over its degree, and leaves its trace in the last
     coefficients of a series. A quotient by a sum, a function or a high power may make one of any width, but
     those of numbers are numbers.
     """
-    code, constants = formula.code, formula.constants
-    known = np.zeros((code.shape[0] + 3, 5))
+    registers = new_registers(formula.code, 3, 1)
     for k in range(3):
-        known[k, _LOW], known[k, _HIGH], known[k, _TERMS], known[k, _VARIES] = 1.0, 1.0, 1.0, 1.0
-    known[1, _HAS_G2] = 1.0
-    for k in range(code.shape[0]):
-        operation, i, j, slot = code[k, 0], code[k, 1], code[k, 2], code[k, 3]
-        here = known[3 + k]
-        if operation != 0:
-            here[_VARIES] = known[i, _VARIES]
-            if 1 <= operation <= 4 or operation == 7:
-                here[_VARIES] = max(here[_VARIES], known[j, _VARIES])
-        if here[_VARIES] == 0.0:
-            here[_TERMS] = 1.0
-            continue
-        left = known[i]
-        if operation == 1 or operation == 2:
-            right = known[j]
-            here[_LOW], here[_HIGH] = min(left[_LOW], right[_LOW]), max(left[_HIGH], right[_HIGH])
-            here[_TERMS] = 2.0
-            here[_HAS_G2] = max(left[_HAS_G2], right[_HAS_G2])
-        elif operation == 3:
-            right = known[j]
-            here[_LOW], here[_HIGH] = left[_LOW] + right[_LOW], left[_HIGH] + right[_HIGH]
-            here[_TERMS] = max(left[_TERMS], right[_TERMS])
-            here[_HAS_G2] = max(left[_HAS_G2], right[_HAS_G2])
-        elif operation == 4:
-            right = known[j]
-            if right[_TERMS] > 1.0 or right[_HAS_G2] > 0.0:
-                return False
-            here[_LOW], here[_HIGH] = left[_LOW] - right[_HIGH], left[_HIGH] - right[_LOW]
-            here[_TERMS], here[_HAS_G2] = left[_TERMS], left[_HAS_G2]
-        elif operation == 5:
-            here[:] = left
-        elif operation == 6:
-            exponent = constants[slot]
-            is_single = left[_TERMS] == 1.0 and left[_HAS_G2] == 0.0
-            if not is_single and (exponent < 0.0 or exponent != np.floor(exponent)):
-                return False
-            ends = exponent * left[_LOW], exponent * left[_HIGH]
-            here[_LOW], here[_HIGH] = min(ends[0], ends[1]), max(ends[0], ends[1])
-            here[_TERMS], here[_HAS_G2] = left[_TERMS], left[_HAS_G2]
-        elif operation == 13 and left[_TERMS] == 1.0 and left[_HAS_G2] == 0.0:
-            here[:] = left
-        else:
-            return False
-        if not (here[_LOW] >= -HIGHEST and here[_HIGH] <= HIGHEST):
-            return False
-    return True
+        put_triple(registers, k, 0, (1.0, 1.0, SUM if k == 1 else PRODUCT))
+    run_degrees(formula.code, formula.constants, formula.lows, registers, 1)
+    return bool(registers[2, formula.result, 0] < OTHER)

@@ -20,7 +20,13 @@ from workers.solvers.compiled.doubled.arithmetic import (
     root,
     sine_and_cosine,
 )
-from workers.solvers.compiled.evaluation.interpreter import CompiledArithmetic, interpreter
+from workers.solvers.compiled.evaluation.interpreter import (
+    CompiledArithmetic,
+    Constant,
+    get_triple,
+    interpreter_of,
+    put_triple,
+)
 from workers.solvers.compiled.evaluation.program import ABS, COS, EXP, LOG, SIGN, SIN
 from workers.solvers.compiled.kernels import kernel
 
@@ -138,17 +144,8 @@ def function(operation: int, x: Known) -> Known:
 
 
 @kernel
-def _get(registers: FloatArray, n: int, m: int) -> Known:
-    return registers[0, n, m], registers[1, n, m], registers[2, n, m]
-
-
-@kernel
-def _put(registers: FloatArray, n: int, m: int, x: Known) -> None:
-    registers[0, n, m], registers[1, n, m], registers[2, n, m] = x
-
-
-@kernel
-def _number(constants: FloatArray, lows: FloatArray, slot: int, more: int) -> Known:
+def _number(of: Constant) -> Known:
+    constants, lows, slot, more = of
     if slot < 0:
         return float(more), 0.0, 0.0
     known = constant(constants[slot], lows[slot])
@@ -160,8 +157,8 @@ def _opposite(x: Known) -> Known:
     return -x[0], -x[1], x[2]
 
 
-run_known = interpreter(
-    CompiledArithmetic(_get, _put, _number, plus, minus, times, over, _opposite, power, function),
+run_known = interpreter_of(
+    CompiledArithmetic(get_triple, put_triple, _number, plus, times, over, _opposite, power, function),
     __name__,
     "run_known",
 )

@@ -10,7 +10,15 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.evaluation.interpreter import CompiledArithmetic, interpreter, power
+from workers.solvers.compiled.evaluation.interpreter import (
+    CompiledArithmetic,
+    Constant,
+    double_of,
+    get_pair,
+    interpreter_of,
+    power,
+    put_pair,
+)
 from workers.solvers.compiled.evaluation.program import ABS, COS, EXP, LOG, SIGN, SIN
 from workers.solvers.compiled.kernels import kernel
 
@@ -131,26 +139,16 @@ def function(operation: int, x: Disc) -> Disc:
 
 
 @kernel
-def _get(registers: FloatArray, n: int, m: int) -> Disc:
-    return registers[0, n, m], registers[1, n, m]
+def number(constant: Constant) -> Disc:
+    """Return the disc of a constant; integers are exact."""
+    value = double_of(constant)
+    known = abs(constant.constants[constant.slot]) + abs(value) if constant.slot >= 0 else 0.0
+    return value, known * ARITHMETIC
 
 
-@kernel
-def _put(registers: FloatArray, n: int, m: int, x: Disc) -> None:
-    registers[0, n, m], registers[1, n, m] = x
-
-
-@kernel
-def _number(constants: FloatArray, _lows: FloatArray, slot: int, more: int) -> Disc:
-    if slot < 0:
-        return float(more), 0.0
-    known = constants[slot]
-    return known + more, (abs(known) + abs(known + more)) * ARITHMETIC
-
-
-run_discs = interpreter(
+run_discs = interpreter_of(
     CompiledArithmetic(
-        _get, _put, _number, plus, minus, times, over, opposite, raised, function, inverts_first=True
+        get_pair, put_pair, number, plus, times, over, opposite, raised, function, inverts_first=True
     ),
     __name__,
     "run_discs",

@@ -157,7 +157,7 @@ def bound_left_out(
             discs.square_radius[m] = size * size * discs.t_radius[m]
     else:
         row = derivatives_on_discs(formula, loop, discs, lanes)
-        leading = formula.powers[row] + 1.0 - loop.alpha
+        leading = formula.discs.powers[row] + 1.0 - loop.alpha
     unit = 1.0 / (math.pi * loop.z) ** 2
     for n in range(count):
         best = math.inf
@@ -167,7 +167,7 @@ def bound_left_out(
                 s = discs.s_centre[m]
                 size = _size_by_roots(loop, s * s, discs.t_radius[m])
             else:
-                size = (abs(formula.centres[row, m]) + formula.radii[row, m]) * _scale(
+                size = (abs(formula.discs.centres[row, m]) + formula.discs.radii[row, m]) * _scale(
                     discs.s_centre[m], discs.s_radius[m], leading
                 )
                 size *= loop.factor * loop.z / loop.g

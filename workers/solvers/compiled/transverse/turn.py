@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import inlined, kernel
-from workers.solvers.compiled.records import Formula, Instructions, Records
+from workers.solvers.compiled.records import Discs, Formula, Instructions, Records
 from workers.solvers.compiled.transverse.hill import WIDTH
 from workers.solvers.compiled.transverse.parts import (
     ALPHA,
@@ -162,8 +162,9 @@ def turn(
     loop, places = loops[0], workspaces[0].places
     # No discs are worked on here.
     blank, none = np.empty((0, 0)), np.empty(0)
+    discs = Discs(blank, blank, none)
     registers = new_registers(instructions.code, 2, POINTS)
-    formula = Formula(code, result, instructions, constants, none, registers, blank, none, none, none)
+    formula = Formula(code, result, instructions, constants, none, registers, discs, none)
     parts, errors = np.empty((4 * MOST, 2, 2)), np.empty(MOST)
     stages, waiting, ranges = np.empty((2 * MOST, ROWS, WIDTH)), np.empty((MOST, 2, 2)), np.empty((MOST, 2))
     frequency = 2.0 * math.pi / founds[0].period

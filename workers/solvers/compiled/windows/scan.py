@@ -109,7 +109,7 @@ def scan_half(
 
     The zeros y go into ``zeros``, growing.
     """
-    c, r, e = formula.centres, formula.radii, formula.powers
+    c, r, e = formula.discs
     for n in range(PANELS):
         put_disc(workspace.discs, n, half * MIDDLE_SINES[n], MIDDLE_COSINES[n], HALF_WIDTHS[n])
     for k in range(2):

@@ -115,7 +115,7 @@ def resolve(
     _values(formula, loop, workspace.places, logs, exponent, NODES * number)
     for k in range(number):
         n = panels[k]
-        far, rounding = formula.radii[row, 2 * k], formula.radii[row, 2 * k + 1] * ROUNDINGS
+        far, rounding = formula.discs.radii[row, 2 * k], formula.discs.radii[row, 2 * k + 1] * ROUNDINGS
         errors[n, 0] = far * VALUE_TAIL + rounding
         errors[n, 1] = far * SLOPE_TAIL + rounding * NODES * NODES
         _series(workspace.places.radicand, NODES * k, all_series[n])
@@ -134,7 +134,7 @@ def pole_cells(
         put_pole(workspace.discs, k, math.sin(EDGES[0] / STEP ** (k + 1.0)) * (1.0 + 1e-15), side, half)
     row = derivatives_on_discs(formula, loop, workspace.discs, NEARER)
     for k in range(NEARER):
-        if abs(formula.centres[row, k]) > formula.radii[row, k]:
+        if abs(formula.discs.centres[row, k]) > formula.discs.radii[row, k]:
             return k + 1
     return -1
 
@@ -158,7 +158,7 @@ def read_alone(
     _put_panel(workspace.discs, 0, half, begin, end, side)
     put_disc(workspace.discs, 2, half * math.sin(middle), side * math.cos(middle), wide)
     row = derivatives_on_discs(formula, loop, workspace.discs, 3)
-    c, r = formula.centres, formula.radii
+    c, r = formula.discs.centres, formula.discs.radii
     if abs(c[row, 2]) > r[row, 2]:
         return is_certain(state, np.sign(c[row, 2]), begin, side, end, side, brackets, found)
     far, rounding = r[row, 0], r[row, 1] * ROUNDINGS
