@@ -119,6 +119,7 @@ def test_a_service_that_is_terminated_at_its_start_has_left_nothing_undone(run, 
     assert (ended.returncode, ended.stderr) == (0, TERMINATED)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("moment", ["service.cli.http_server:announce", "uvicorn.lifespan.on"])
 def test_a_service_that_has_something_to_put_in_order_does_so(run, moment):
     # Before and after the server listens to signals itself.

@@ -55,6 +55,7 @@ def test_the_problem_of_the_workbench(tab, copied):
     assert str(solution["error"]) in told
 
 
+@pytest.mark.long
 def test_a_stretch_of_a_solution(tab, copied):
     identity = tab.site.solutions["first"]
     # Typed as a fraction, which Python would divide as it likes.
@@ -70,6 +71,7 @@ def test_a_stretch_of_a_solution(tab, copied):
     assert np.allclose(shown, [float(rows[0][name]) for name in ("g1", "g2", "g3")], atol=1e-8)
 
 
+@pytest.mark.long
 def test_the_stored_samples_before_any_have_come(tab, copied):
     identity = tab.site.solutions["first"]
     tab.page.route("**/trajectory?preview=*", lambda _: None)  # never answered

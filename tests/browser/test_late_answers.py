@@ -10,6 +10,8 @@ from playwright.sync_api import Page, Route, expect
 from tests.support.browser import problem, settle
 from tests.support.waiting import wait_until
 
+pytestmark = pytest.mark.long
+
 
 class Held:
     """Requests that are not let through before ``go``."""

@@ -92,6 +92,7 @@ def test_an_atlas_and_a_heat_map_are_saved_with_what_is_painted(tab, tmp_path):
     assert any("data:image/png" in str(found.attrib) for found in root.iter(f"{SVG}image"))
 
 
+@pytest.mark.long
 def test_the_turning_body_is_a_film(tab, tmp_path):
     page = tab.open(address("/solution", tab.site))
     settle(page)

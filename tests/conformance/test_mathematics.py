@@ -40,12 +40,14 @@ def rational_points(seed: int, count: int) -> Iterator[tuple[Fraction, Fraction,
             yield point
 
 
+@pytest.mark.one_in(4)
 @every
 def test_it_is_proved_admissible(specimen: Specimen):
     verdict = decide(*setting(specimen.document))
     assert (verdict.verdict, verdict.proof) == ("admissible", "symbolic")
 
 
+@pytest.mark.one_in(4)
 @every
 def test_the_compatibility_equation_is_enclosed_about_zero(specimen: Specimen):
     body, potential = setting(specimen.document)
@@ -58,6 +60,7 @@ def test_the_compatibility_equation_is_enclosed_about_zero(specimen: Specimen):
             assert L.abs_upper() < arb("1e-60")
 
 
+@pytest.mark.one_in(4)
 @every
 def test_derivatives_are_those_of_the_values(specimen: Specimen):
     _, potential = setting(specimen.document)

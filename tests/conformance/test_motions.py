@@ -24,6 +24,7 @@ def solved(document: dict, *, checked: bool = False) -> dict:
     return outcome.summary
 
 
+@pytest.mark.one_in(3)
 @every_example
 def test_the_example_is_solved_as_it_stands(specimen: Specimen):
     summary = solved(specimen.document, checked=True)
@@ -34,6 +35,7 @@ def test_the_example_is_solved_as_it_stands(specimen: Specimen):
     assert all(invariant["drift"] <= 1e-10 for invariant in summary["invariants"].values())
 
 
+@pytest.mark.one_in(3)
 @every_example
 def test_integration_of_the_six_equations_agrees(specimen: Specimen):
     problem = read_problem({**specimen.document, "time": {"stop": 1, "samples": 5}})
@@ -48,6 +50,7 @@ def test_integration_of_the_six_equations_agrees(specimen: Specimen):
     assert np.max(np.abs(witness.y.T - motion.samples)) < 1e-8
 
 
+@pytest.mark.one_in(3)
 @every_example
 def test_four_times_the_potential_is_twice_as_fast(specimen: Specimen):
     document = {**specimen.document, "time": {"stop": 1, "samples": 2}}

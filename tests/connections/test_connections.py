@@ -468,6 +468,7 @@ main()
 """
 
 
+@pytest.mark.long
 def test_a_service_with_few_descriptors_answers_although_many_connections_are_idle(tmp_path):
     """64 descriptors and 80 connections: a new one is always answered, and the log does not grow."""
     root = Path(__file__).parents[2]

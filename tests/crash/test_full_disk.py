@@ -41,6 +41,7 @@ def states(service):
     return Counter((job["state"], job["attempt"]) for job in items)
 
 
+@pytest.mark.long
 def test_what_is_running_is_stored_once_there_is_room_again(small_disk, tmp_path):
     log = tmp_path / "log"
     with log.open("wb") as stderr, serving(small_disk, workers=1, stderr=stderr) as service:

@@ -41,6 +41,7 @@ def small_machine():
         group.rmdir()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("max_attempts", [1, 2])
 def test_a_job_that_takes_all_memory_of_the_machine_ends_once(
     database, jobs, url, small_machine, max_attempts

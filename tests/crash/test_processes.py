@@ -63,6 +63,7 @@ def test_a_worker_may_die_at_any_of_its_commits(database, jobs, url):
     assert succeeded + len(codes) == len(submitted)
 
 
+@pytest.mark.long
 def test_a_submit_without_an_answer_may_be_repeated(tmp_path):
     for moment, stored in (("before", 0), ("after", 1)):
         with serving(tmp_path, workers=0, POLHODE_FAULT=f"commit:{moment}:1") as service:

@@ -28,6 +28,7 @@ def count(database):
         return tuple(session.scalar(select(func.count()).select_from(row)) for row in (JobRow, SweepRow))
 
 
+@pytest.mark.any_database
 @pytest.mark.random_law
 def test_what_was_committed_is_answered_again_and_not_made_again(killed, url, database):
     with TestClient(app_on(url)) as client:
@@ -45,6 +46,7 @@ def test_what_was_committed_is_answered_again_and_not_made_again(killed, url, da
             assert tuple(now - then for now, then in zip(count(database), before, strict=True)) == made
 
 
+@pytest.mark.any_database
 def test_what_was_not_committed_is_made_when_it_is_sent_again(killed, url, database):
     key = new_id()
     assert killed(url, key, "job", "commit:before:1") == -signal.SIGKILL

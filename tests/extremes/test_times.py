@@ -16,6 +16,7 @@ ONE, ZERO = Fraction(1), Fraction(0)
 WE = elliptic("WE", nu=ONE, a1=-ONE, b1=Fraction(1, 20), c1=ZERO)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("exponent", [3, 6, 9, 12, 15])
 def test_times_to_1e15_periods(method, exponent):

@@ -47,7 +47,7 @@ def solve_inside(case: Case, window: Window, share: Fraction) -> Motion:
 
 @pytest.mark.random_law
 @given(cases(attracts=True), st.fractions(Fraction(1, 3), Fraction(2, 3), max_denominator=9))
-@settings(max_examples=examples(4, 25), deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+@settings(max_examples=examples(2, 25), deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 def test_random_aperiodic_motions(case, share):
     window = aperiodic_window(case)
     assume(window is not None)

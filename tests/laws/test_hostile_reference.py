@@ -73,6 +73,7 @@ def test_a_wall_parts_the_loop_where_it_is(width):
             assert (2 * (-t * t).exp() * g3 * g3).overlaps(arb(1) / 2)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("shape", SHAPES)
 def test_states_against_an_integrator(shape):
     """The six Euler-Poisson equations, for features wide enough to be integrated over."""

@@ -76,7 +76,7 @@ def sweep(
     st.sampled_from(TIMES),
     st.sampled_from(list(OUTPUTS)),
 )
-@settings(max_examples=examples(8, 100), deadline=None)
+@settings(max_examples=examples(4, 100), deadline=None)
 def test_a_point_has_every_bit_of_its_own_job(case, pointer, values, accuracy, time, outputs):
     if pointer == "/body/B":
         # No body has all of them.

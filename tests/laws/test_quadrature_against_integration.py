@@ -135,6 +135,7 @@ def motion_of(asked: dict[str, object]) -> PlanarMotion:
     )
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("name", "moments", "potential", "asked", "ends", "period"), ROWS, ids=[row[0] for row in ROWS]
 )

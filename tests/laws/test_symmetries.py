@@ -17,7 +17,7 @@ from tests.support.effort import examples
 pytestmark = pytest.mark.random_law
 
 LAW = settings(
-    max_examples=examples(6, 25),
+    max_examples=examples(3, 25),
     deadline=None,
     suppress_health_check=[HealthCheck.filter_too_much, HealthCheck.too_slow],
 )

@@ -101,6 +101,7 @@ def test_periods_are_multiples_of_both_its_parts(periods, samples, hi):
         assert abs(exact - Fraction(double)) <= Fraction(math.ulp(double)) * Fraction(51, 100)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("time", ["1/3", "0.1"])
 def test_a_certified_value_is_that_at_the_exact_time(time):
     columns = columns_of({"times": [0, time]}, {"tier": "certified", "bits": 128})

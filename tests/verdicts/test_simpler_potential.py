@@ -43,6 +43,7 @@ def test_windows_are_those_of_the_simpler_formula(typed):
     assert known["warnings"] == []
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("typed", PAIRS)
 def test_an_atlas_is_that_of_the_simpler_formula(typed):
     asked = {"lambda": ["1/2", 2], "samples": 9}

@@ -207,7 +207,7 @@ def _expand(tree: Tree, free: Sequence[str], constants: Mapping[str, Fraction]) 
             raise _InseparableError(names_in(exponent))
         if not names_in(base):
             return {one: Binary("^", base.get(one, _ZERO), exponent.get(one, _ZERO))}
-        n = _whole(exponent.get(one, _ZERO))
+        n = whole_number(exponent.get(one, _ZERO))
         if n is None or abs(n) > _LARGEST_POWER or (n < 0 and len(base) != 1):
             raise _InseparableError(names_in(base))
         if len(base) == 1:
@@ -246,7 +246,7 @@ def _quotient(part: Tree, divisor: Tree) -> Tree:
     return part if divisor == _ONE else Binary("/", part, divisor)
 
 
-def _whole(exponent: Tree) -> int | None:
+def whole_number(exponent: Tree) -> int | None:
     """Return a whole number that is written as one, None for anything else."""
     match exponent:
         case Number(value) if value.denominator == 1:

@@ -32,6 +32,7 @@ from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra
+from service.dynamics.formula.parameters import whole_number
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tape import compile_tape
@@ -249,20 +250,13 @@ def _substituted(V: Tree, power_of: Callable[[str, int], Tree]) -> Tree:
         match node:
             case Symbol("g2" | "g3" as name):
                 return power_of(name, 1)
-            case Binary("^", Symbol("g2" | "g3" as name), exponent) if (n := _whole(exponent)) is not None:
+            case Binary("^", Symbol("g2" | "g3" as name), exponent) if (
+                n := whole_number(exponent)
+            ) is not None:
                 return power_of(name, n)
         return with_operands(node, operands)
 
     return fold_tree(V, build)
-
-
-def _whole(exponent: Tree) -> int | None:
-    match exponent:
-        case Number(value) if value.denominator == 1:
-            return value.numerator
-        case Negation(Number(value)) if value.denominator == 1:
-            return -value.numerator
-    return None
 
 
 def _power(base: Tree, exponent: Fraction) -> Tree:

@@ -32,6 +32,7 @@ def test_the_start_of_a_case_lies_on_it_and_on_no_other(name: str):
     assert not any(each.holds for each in found.integrable)
 
 
+@pytest.mark.one_in(4)
 @every
 @pytest.mark.parametrize("size", [1e-3, 1e-6, 1e-9])
 def test_a_displaced_state_is_no_farther_than_it_was_displaced(name: str, size: float):

@@ -99,6 +99,7 @@ def test_the_equations_hold_for_grioli(ex, ez):
         require_exact(grioli.reduced(B, C, ex, ez), (1, B, C), (ex, 0, ez))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("ex", "ez"), PYTHAGOREAN)
 def test_the_equations_hold_for_dokshevich_modulo_the_equation_of_eta(ex, ez):
     for C in (Fraction(1, 2), Fraction(2, 3), Fraction(4, 5)):

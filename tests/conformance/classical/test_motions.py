@@ -148,6 +148,7 @@ def verify(document):
     assert h[0] == pytest.approx(checked.energy.value, abs=1e-12)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", FREE)
 def test_random_bodies_of_the_real_range(name: str):
     for document in random_documents(name, 1, 3):

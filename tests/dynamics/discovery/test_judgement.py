@@ -65,6 +65,7 @@ def judged(moments, field, free, function, **asked):
     return judge_integral(read_setting(moments, field, dict.fromkeys(free)), function, **asked)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("moments", "field", "free", "integral", "level", "name"), INTEGRALS)
 def test_integrals_of_the_literature_are_proved_and_named_and_perturbed_ones_refuted(
     moments, field, free, integral, level, name

@@ -177,6 +177,7 @@ HOMOGENEOUS = [
 ]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("alpha", "texts"), HOMOGENEOUS)
 def test_the_coefficients_of_the_homogeneous_family_are_read(alpha, texts):
     on = body(3 * Fraction(alpha), 3)

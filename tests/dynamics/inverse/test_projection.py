@@ -91,7 +91,7 @@ def test_that_distance_is_an_integral_over_the_sphere():
     assert ratio == pytest.approx(8 / 113, rel=1e-13)
 
 
-@settings(max_examples=examples(13, 40))
+@settings(max_examples=examples(6, 40))
 @given(st.sampled_from(ALPHAS), polynomials, st.integers(0, 11))
 def test_what_is_left_is_orthogonal_to_all_that_is_admissible(alpha, coefficients, highest):
     found = nearest(alpha, text_of(coefficients), highest)
@@ -102,7 +102,7 @@ def test_what_is_left_is_orthogonal_to_all_that_is_admissible(alpha, coefficient
     assert mean_product(rest, rest) == found.relative_squared_distance * mean_product(W, W)
 
 
-@settings(max_examples=examples(13, 40))
+@settings(max_examples=examples(6, 40))
 @given(st.sampled_from(ALPHAS), polynomials)
 def test_the_distance_never_grows_with_the_degree(alpha, coefficients):
     found = nearest(alpha, text_of(coefficients))

@@ -61,6 +61,7 @@ def test_D_turns_about_the_second_axis(potential: Potential) -> None:
     assert np.allclose(potential.D(GAMMA), D, rtol=1e-12, atol=1e-9)
 
 
+@pytest.mark.one_in(4)
 @potentials
 def test_balls_hold_the_exact_values(potential: Potential) -> None:
     for gamma in GAMMA.reshape(-1, 3):

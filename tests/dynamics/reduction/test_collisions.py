@@ -64,6 +64,7 @@ def test_a_pole_of_odd_order_is_a_collision_on_one_side(order):
     ]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     "size",
     [

@@ -34,6 +34,7 @@ def ends(found: tuple[Window, ...]) -> list[tuple[float, float]]:
     return sorted(window.g2 for window in found)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("order", [2, 3, 4, 8])
 def test_zero_of_high_order_is_an_equilibrium_between_two_windows(order):
     """About c both sides move where the order is even, and one where it is odd; nothing goes across."""
@@ -117,6 +118,7 @@ def test_a_power_of_a_part_that_vanishes_anywhere_is_a_zero_of_its_order(u, orde
         require_known_ends(window)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("G", "at"),
     [

@@ -31,6 +31,7 @@ def balls(half):
     return zeros, half.signs, half.first_pole, half.last_pole, half.slow
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("moments", "text", "lambda_", "g3_sign"), EVEN)
 def test_the_mirror_image_is_the_other_half_to_the_last_bit(moments, text, lambda_, g3_sign):
     rigid_body = body(*moments)

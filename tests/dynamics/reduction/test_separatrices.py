@@ -41,6 +41,7 @@ def test_zeros_of_even_order_are_proved(text, moments, expected):
     assert sorted(set(kinds(text, moments))) == sorted(set(expected))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("n", [50, 300, 700, 3000, 40_000])
 def test_a_gap_on_the_equator_is_told_from_none(n):
     """The body turns back before the equator, or passes it; at exp(-700) doubles end."""
@@ -85,6 +86,7 @@ def test_a_gap_of_higher_order_is_settled_by_bounds_that_see_it():
     assert kinds(f"-{Q}*((g2-1/3)^4+exp(-3000))") == ["pole"]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("n", [300, 390, 600, 1500])
 def test_the_ends_of_a_gap_far_below_what_is_known_of_the_zeros_are_found(n):
     """The well has two ends, exp(-n) from its middle, where p² changes its sign: no zeros of order two."""

@@ -62,6 +62,7 @@ def test_the_printed_a3_term_is_refuted():
     assert is_refuted(verdict_on(printed, parameters=EIGHT_PARAMETERS))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("n", range(1, 9))
 def test_the_building_blocks_of_the_rational_family_are_proved(n):
     assert is_proved(verdict_on(U(n)))
@@ -79,6 +80,7 @@ def test_the_homogeneous_blocks_are_proved_for_any_ratio_of_moments(alpha, n):
         assert is_proved(verdict_on(C_term(n, alpha), on))
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     "G",
     [
@@ -258,6 +260,7 @@ def test_a_formula_too_large_for_a_proof_is_undecided():
     assert verdict_on(f"g1 + {text}").verdict == "undecided"
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     "text",
     [

@@ -63,6 +63,7 @@ def integrate(body, state, times, integrator):
     return integrate_state(body, NO_FIELD, *start, times, tolerance=tolerance, integrator=integrator)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("integrator", ["taylor", HEYOKA, "dop853"])
 @pytest.mark.parametrize(
     "case",

@@ -21,6 +21,7 @@ def integrate(omega, gamma, times, integrator):
     return integrate_state(BODY, FIELD, omega, gamma, times, tolerance=1e-10, integrator=integrator)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("integrator", ["taylor", HEYOKA, "dop853"])
 @pytest.mark.parametrize(
     ("p", "r", "g3"), [(0.0, 2.0, 0.6), (0.4, 1.5, 0.6), (-1.0, 0.7, -0.28), (0.3, 0.0, 0.8), (2.0, 0.5, 0.0)]
@@ -53,6 +54,7 @@ def test_nutation(p, r, g3, integrator):
     assert np.diff(angles) == pytest.approx(np.full(3, angles[1] - angles[0]), abs=20 * motion.error)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("integrator", ["taylor", HEYOKA, "dop853"])
 @pytest.mark.parametrize(("rate", "g3"), [(0.5, 0.6), (2.0, 0.6), (-0.8, -0.28), (1.2, 0.0)])
 def test_steady_precession(rate, g3, integrator):

@@ -44,6 +44,7 @@ def along(example, times, *, integrator=HEYOKA, tolerance=1e-10):
     )
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("example", "integrator"), WITH_INTEGRATORS, ids=names)
 def test_relations_and_integrals_hold_over_a_period(example, integrator):
     motion = along(example, np.linspace(0.0, example.period or 10.0, 121), integrator=integrator)
@@ -131,6 +132,7 @@ def test_departures_from_hess_grow_by_an_exact_law(offset):
     assert np.abs(growth).max() > 2.0
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("example", PERIODIC, ids=names)
 def test_claims_tell_unstable_motions_from_stable_ones(example):
     """After many periods each motion still returns within its claim; unstable ones pay for it."""

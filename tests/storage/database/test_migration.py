@@ -143,6 +143,7 @@ def test_migrating_again_changes_nothing(url, database, jobs):
     assert jobs.get(job.id) == job
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("begin", ["empty", FIRST])
 def test_several_processes_may_migrate_at_once(begin, empty_url):
     if begin != "empty":

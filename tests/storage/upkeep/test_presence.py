@@ -80,6 +80,7 @@ def test_several_services_are_as_they_should_be_with_the_engine_of_several_machi
     assert warnings(database, caplog) == []
 
 
+@pytest.mark.long
 def test_a_second_serve_on_one_file_says_so_and_one_after_a_kill_does_not(tmp_path):
     def said_by(name: str, *, until: str = "") -> str:
         with (tmp_path / name).open("wb") as log, serving(tmp_path, workers=0, stderr=log):

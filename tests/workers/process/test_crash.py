@@ -73,6 +73,7 @@ def test_a_second_worker_takes_over_from_a_killed_one(jobs, start_worker, log):
     assert len(children(log)) == 2
 
 
+@pytest.mark.any_database
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("chore", ["spin", "sleep"])
 def test_nothing_is_left_of_a_killed_worker(jobs, start_worker, log, chore):
@@ -84,6 +85,7 @@ def test_nothing_is_left_of_a_killed_worker(jobs, start_worker, log, chore):
     wait_until(lambda: not worker.session())
 
 
+@pytest.mark.any_database
 def test_a_job_that_kills_every_child_is_given_up(jobs, start_worker, log):
     job = jobs.submit({"chore": "crash", "log": str(log)}, "digest")
     healthy = jobs.submit({"chore": "succeed"}, "another")
@@ -98,6 +100,7 @@ def test_a_job_that_kills_every_child_is_given_up(jobs, start_worker, log):
     assert state_of(jobs, healthy) is JobState.SUCCEEDED
 
 
+@pytest.mark.any_database
 def test_a_killed_idle_child_does_not_stop_the_worker(jobs, start_worker, log):
     first = jobs.submit({"log": str(log)}, "1")
     worker = start_worker()
@@ -109,6 +112,7 @@ def test_a_killed_idle_child_does_not_stop_the_worker(jobs, start_worker, log):
     assert worker.terminate() == 0
 
 
+@pytest.mark.any_database
 def test_a_killed_fork_server_does_not_stop_the_worker(jobs, start_worker, log):
     first = jobs.submit({"log": str(log)}, "1")
     worker = start_worker()

@@ -85,6 +85,7 @@ def test_the_first_of_the_row_that_has_the_motion_computes_it(grade, method, evi
 
 
 # Ways through poles have a test of their own.
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("name", [name for name in get_args(table.FamilyName) if name != "way"])
 @pytest.mark.parametrize("grade", ["draft", "loose", "standard", "high"])
 def test_families_keep_what_they_promise_and_agree(name, grade):

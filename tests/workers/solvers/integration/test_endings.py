@@ -64,6 +64,7 @@ def test_times_before_the_collision_are_served(name):
     assert motion.error <= 1e-9
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("exponent", ["3/2", "7/3", "7/2"])
 def test_loss_of_smoothness_is_a_collapse_and_not_a_collision(name, exponent):

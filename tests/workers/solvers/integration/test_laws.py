@@ -148,6 +148,7 @@ def test_motion_backwards_is_the_motion_of_the_reversed_state(name):
     assert np.all(np.diff(there.dense.breaks) > 0.0)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("k", [1e-12, 1e12])
 def test_stronger_field_is_the_same_motion_faster(name, k):

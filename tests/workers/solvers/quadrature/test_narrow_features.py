@@ -94,6 +94,7 @@ def test_periods_see_features_of_any_width(exponent, place, height):
     assert error <= 1e-15 * motion.dense.period.hi
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("exponent", "place", "height"), [FEATURES[2], FEATURES[3], FEATURES[5]])
 def test_functions_of_time_see_features_of_any_width(exponent, place, height):
     """p² is that of the energy on all of the way, and looked at where the feature is passed."""

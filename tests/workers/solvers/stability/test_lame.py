@@ -44,6 +44,7 @@ TRACES = {
 LARGEST = {("0.3", "0.6"): 2.39221, ("2", "3"): 7.06371, ("2", "4"): 19.6391}
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("nu", "B", "trace"), [(nu, B, t) for nu in TRACES for B, t in zip(MOMENTS, TRACES[nu], strict=True)]
 )

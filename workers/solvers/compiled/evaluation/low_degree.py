@@ -18,7 +18,7 @@ from workers.solvers.compiled.records import Formula
 HIGHEST = 12.0
 """Degree, of either sign, of the products of g1, g2 and g3 that V is a sum of."""
 NUMBER, PRODUCT, SUM, OTHER = 0.0, 1.0, 2.0, 3.0
-"""What a register may be: a number, a product of powers of g1 and g3, a sum of such products and whole powers
+"""The kinds of registers: a number, a product of powers of g1 and g3, a sum of such products and whole powers
 of g2, and anything else."""
 Degrees = tuple[float, float, float]
 """The lowest and the highest degree, and the kind."""
