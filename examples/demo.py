@@ -11,6 +11,7 @@ import time
 import urllib.error
 import urllib.request
 from pathlib import Path
+from typing import Any
 
 from picture import draw
 
@@ -117,25 +118,27 @@ def wait_until_ready(address: str, service: "subprocess.Popen[bytes]") -> None:
 
 def call(
     address: str, method: str, path: str, document: object = None, headers: dict[str, str] | None = None
-) -> dict:
+) -> dict[str, Any]:
     """Send a request and return the JSON of the answer."""
     body = None if document is None else json.dumps(document).encode()
     sent = {"Content-Type": "application/json", **(headers or {})}
     request = urllib.request.Request(address + path, data=body, headers=sent, method=method)
     with urllib.request.urlopen(request, timeout=60) as answer:
-        return json.load(answer)
+        found: dict[str, Any] = json.load(answer)
+    return found
 
 
-def read(name: str) -> dict:
+def read(name: str) -> dict[str, Any]:
     """Return an example problem."""
-    return json.loads((HERE / f"{name}.json").read_text(encoding="utf-8"))
+    found: dict[str, Any] = json.loads((HERE / f"{name}.json").read_text(encoding="utf-8"))
+    return found
 
 
 def free_port() -> int:
     """Return a port nobody listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+        return int(probe.getsockname()[1])
 
 
 def say(line: str) -> None:

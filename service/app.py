@@ -12,8 +12,8 @@ from service.api.dependencies import ReadingThreads, Resources, SharedAnswer
 from service.api.events.poller import ChangePoller
 from service.api.events.watcher import EventWatcher
 from service.api.heavy_reads import HeavyReads
+from service.api.keys.access import KeyRing
 from service.api.keys.idempotency import IdempotencyGuard
-from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
 from service.api.routes.events import documents_of

@@ -1,5 +1,6 @@
 import os
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -105,13 +106,21 @@ def _place(item: pytest.Item) -> int:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> Iterator[None]:
     """Leave to `make test-long` what `make test` does in part, and begin with tests that share what is dear.
 
-    What is left are random laws with many examples, and Postgres where the database does not matter. Tests
-    that come first stay with one process: others steal the last ones.
+    What is left are random laws with many examples, Postgres where the database does not matter, and rows of
+    tables of which one in so many is enough, on each database. Tests that come first stay with one process:
+    others steal the last ones.
     """
+    rows: Counter[tuple[str, bool]] = Counter()
     for item in items:
         if is_hypothesis_test(getattr(item, "obj", None)):
             item.add_marker("random_law")
         if "postgres" in _needed(item) and item.get_closest_marker("any_database"):
             item.add_marker("long")
+        sampled = item.get_closest_marker("one_in")
+        if sampled is not None and item.get_closest_marker("long") is None:
+            law = item.nodeid.partition("[")[0], "postgres" in _needed(item)
+            if rows[law] % sampled.args[0]:
+                item.add_marker("long")
+            rows[law] += 1
     yield
     items.sort(key=_place)

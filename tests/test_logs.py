@@ -19,7 +19,7 @@ from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import TestClient
-from tests.support.waiting import wait_until
+from tests.support.waiting import PATIENCE, wait_until
 
 TOP = Path(__file__).parents[1]
 KEY = "plh_abcd1234_" + "0aZ" * 14 + "9"
@@ -146,9 +146,9 @@ def test_children_log_as_their_parent_does_and_about_the_same(restored, capfd):
     start_logging("json", "error")
     sandbox = Sandbox(1)
     try:
-        told = sandbox.run(call_about, {"job": "j1"}, log_in_child, seconds=30)
+        told = sandbox.run(call_about, {"job": "j1"}, log_in_child, seconds=PATIENCE)
         start_logging("json", "info")
-        told_later = sandbox.run(call_about, {"job": "j1"}, log_in_child, seconds=30)
+        told_later = sandbox.run(call_about, {"job": "j1"}, log_in_child, seconds=PATIENCE)
     finally:
         sandbox.close()
     assert told == told_later == ("json", "error")
@@ -228,10 +228,10 @@ def test_a_worker_and_its_children_say_which_job_they_speak_of(sqlite_url):
     environment = {**os.environ, "POLHODE_DATABASE_URL": sqlite_url}
     worker = subprocess.Popen(command, cwd=TOP, env=environment, stderr=subprocess.PIPE, text=True)
     try:
-        assert wait_until(lambda: jobs.get(job.id).is_finished)
+        wait_until(lambda: jobs.get(job.id).is_finished)
     finally:
         worker.terminate()
-        written = worker.communicate(timeout=30)[1]
+        written = worker.communicate(timeout=PATIENCE)[1]
         database.close()
     started, warned, failed = (json.loads(line) for line in written.splitlines())
     assert warned["message"].endswith('UserWarning: odd\n  warnings.warn("odd", stacklevel=1)\n')

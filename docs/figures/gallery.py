@@ -82,7 +82,8 @@ def _draw(name: str) -> str:
     if (period := solved.dense.period) is None:
         return said
     facts = f"Period {period.hi} ± {_upwards(abs(period.lo) + period.error)}. {said}"
-    if (stability := compute_outputs(problem, solved, InUnits(units, posed, solved)).stability) is None:
+    outputs_found = compute_outputs(problem, solved, InUnits(units, posed, solved, proven=None))
+    if (stability := outputs_found.stability) is None:
         return facts
     stands = "marginal" if stability.verdict == "marginal" else f"linearly {stability.verdict}"
     trace = f"{stability.trace:.6f} ± {_upwards(stability.error + 5e-7)}"

@@ -5,6 +5,8 @@ from pathlib import Path
 import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
 
 FOLDER = Path(__file__).parent
 START_COLOUR = "tab:red"
@@ -16,7 +18,7 @@ def use_files() -> None:
     mpl.rcParams["savefig.dpi"] = 80
 
 
-def save(figure: plt.Figure, name: str) -> None:
+def save(figure: Figure, name: str) -> None:
     """Write docs/figures/NAME.png; without the version of the library the same figure gives the same file."""
     figure.savefig(FOLDER / f"{name}.png", metadata={"Software": None})
     plt.close(figure)
@@ -45,7 +47,7 @@ def draw_motion(name: str, times: np.ndarray, samples: np.ndarray, title: str | 
     save(figure, name)
 
 
-def path_on_sphere(axes: plt.Axes, points: np.ndarray, **style: object) -> None:
+def path_on_sphere(axes: Axes3D, points: np.ndarray, **style: object) -> None:
     """Draw points (n, 3) as a path on the unit sphere, with a mark where it starts."""
     across, up = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, np.pi, 13))
     sphere = np.cos(across) * np.sin(up), np.sin(across) * np.sin(up), np.cos(up)
@@ -55,13 +57,13 @@ def path_on_sphere(axes: plt.Axes, points: np.ndarray, **style: object) -> None:
     axes.set_box_aspect((1, 1, 1), zoom=1.35)
 
 
-def path_in_body(axes: plt.Axes, points: np.ndarray, **style: object) -> None:
+def path_in_body(axes: Axes3D, points: np.ndarray, **style: object) -> None:
     """Draw points (n, 3) as a path about the fixed point."""
     axes.scatter(0, 0, 0, color="grey", s=12)
     _path(axes, points, **style)
 
 
-def _path(axes: plt.Axes, points: np.ndarray, **style: object) -> None:
+def _path(axes: Axes3D, points: np.ndarray, **style: object) -> None:
     axes.plot(*points.T, **{"color": "tab:blue", "linewidth": 1.2, **style})
     axes.scatter(*points[0], color=START_COLOUR, s=18)
     axes.set_box_aspect((1, 1, 1))

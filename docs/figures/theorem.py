@@ -38,7 +38,8 @@ def squared_p(points: np.ndarray) -> np.ndarray:
     """Return p² = C g3 D / ((A - C) A g1), D = g1 V3 - g3 V1, of V = a g1 + b / g3²."""
     g1, _, g3 = points.T
     with np.errstate(divide="ignore", invalid="ignore"):
-        return C * g3 * (g1 * (-2 * b / g3**3) - g3 * a) / ((A - C) * A * g1)
+        found: np.ndarray = C * g3 * (g1 * (-2 * b / g3**3) - g3 * a) / ((A - C) * A * g1)
+    return found
 
 
 def _curves() -> None:

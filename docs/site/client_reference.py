@@ -93,7 +93,7 @@ def _arguments(function: Callable[..., object]) -> Iterator[str]:
             yield "*"
         if one.kind is one.VAR_POSITIONAL:
             is_by_name = True
-        stars = {one.VAR_POSITIONAL: "*", one.VAR_KEYWORD: "**"}.get(one.kind, "")
+        stars = "*" if one.kind is one.VAR_POSITIONAL else "**" if one.kind is one.VAR_KEYWORD else ""
         default = "" if one.default is one.empty else f"={one.default!r}"
         yield f"{stars}{one.name}{default}"
 

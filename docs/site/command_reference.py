@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator
 
-import click
 import typer
+from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
 
 from service.cli.commands import app
 
+Command = TyperCommand | TyperGroup
+Parameter = TyperArgument | TyperOption
 Words = tuple[str, ...]
 
 
@@ -19,32 +21,38 @@ def commands_page() -> str:
         "[the command line](../command-line.md).",
         "",
     ]
-    for words, command in _commands(("polhode",), typer.main.get_command(app)):
-        context = click.Context(command, info_name=" ".join(words))
+    for words, command in _commands(("polhode",), _checked(typer.main.get_command(app))):
+        context = typer.Context(command, info_name=" ".join(words))
         lines += [f"## {' '.join(words)}", "", _sentences(command.help or ""), "", "```"]
         lines += [command.get_usage(context), "```", "", *_parameters(command, context)]
         lines += _examples(command)
     return "\n".join(lines)
 
 
-def _commands(words: Words, command: click.Command) -> Iterator[tuple[Words, click.Command]]:
-    children = getattr(command, "commands", None)
-    if children is None:
+def _commands(words: Words, command: Command) -> Iterator[tuple[Words, Command]]:
+    if not isinstance(command, TyperGroup):
         yield words, command
         return
-    for name, child in children.items():
+    for name, child in command.commands.items():
         if not child.hidden:
-            yield from _commands((*words, name), child)
+            yield from _commands((*words, name), _checked(child))
 
 
-def _examples(command: click.Command) -> Iterator[str]:
+def _checked(command: object) -> Command:
+    if not isinstance(command, Command):
+        raise TypeError(f"{command} is no command")
+    return command
+
+
+def _examples(command: Command) -> Iterator[str]:
     examples = [line.strip() for line in (command.epilog or "").splitlines() if line.startswith("  ")]
     if examples:
         yield from ("```sh", *examples, "```", "")
 
 
-def _parameters(command: click.Command, context: click.Context) -> Iterator[str]:
-    rows = [record for one in command.get_params(context) if (record := _record(one, context))]
+def _parameters(command: Command, context: typer.Context) -> Iterator[str]:
+    parameters = [one for one in command.get_params(context) if isinstance(one, Parameter)]
+    rows = [record for one in parameters if (record := _record(one, context))]
     if not rows:
         return
     yield from ("| | |", "| --- | --- |")
@@ -53,9 +61,7 @@ def _parameters(command: click.Command, context: click.Context) -> Iterator[str]
     yield ""
 
 
-def _record(parameter: click.Parameter, context: click.Context) -> tuple[str, str] | None:
-    if isinstance(parameter, click.Argument):
-        return parameter.make_metavar(context), getattr(parameter, "help", "") or ""
+def _record(parameter: Parameter, context: typer.Context) -> tuple[str, str] | None:
     record = parameter.get_help_record(context)
     return (record[0].replace("|", "/"), record[1]) if record else None
 

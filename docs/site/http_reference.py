@@ -106,7 +106,7 @@ def _kind(schema: Document, *, here: bool = False) -> str:
     words = {"string": "text", "integer": "whole number", "number": "number", "boolean": "true or false"}
     kind = schema.get("type")
     if isinstance(kind, list):
-        return " or ".join(words.get(one, one) for one in kind)
+        return " or ".join(words.get(str(one), str(one)) for one in kind)
     return words.get(kind or "", kind or "anything")
 
 

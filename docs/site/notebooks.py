@@ -45,8 +45,11 @@ def executed(notebook: NotebookNode) -> NotebookNode:
     with tempfile.TemporaryDirectory() as folder:
         resources = {"metadata": {"path": folder}}
         # The kernel would warn that it hears on a port of this machine; its messages are signed.
-        options = {"extra_arguments": ["--log-level=ERROR"], "kernel_name": "python3"}
-        NotebookClient(notebook, timeout=CELL_SECONDS, resources=resources, **options).execute()
+        quiet = ["--log-level=ERROR"]
+        client = NotebookClient(
+            notebook, timeout=CELL_SECONDS, resources=resources, extra_arguments=quiet, kernel_name="python3"
+        )
+        client.execute()
     for cell in notebook.cells:
         for output in cell.get("outputs", ()):
             if output.get("name") == "stderr" and "Warning" in output["text"]:

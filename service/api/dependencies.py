@@ -17,8 +17,8 @@ from fastapi import Depends, Request
 
 from service.api.events.watcher import EventWatcher
 from service.api.heavy_reads import HeavyReads
+from service.api.keys.access import KeyRing
 from service.api.keys.idempotency import IdempotencyGuard
-from service.api.keys.keyring import KeyRing
 from service.api.keys.limits import LimitGuard
 from service.api.prometheus import Metrics
 from service.api.verdicts.examiner import Examiner

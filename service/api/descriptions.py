@@ -11,9 +11,8 @@ from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 
 from service.api.keys.access import ACCESS, OPEN
-from service.api.replies.conditional import VOLATILE
 from service.api.replies.errors import MEDIA_TYPE, ApiError
-from service.api.replies.responses import refusals
+from service.api.replies.responses import VOLATILE, refusals
 from service.schemas.atlas.reading import AtlasIn
 from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
 from service.schemas.reading.annotation_in import MarksPatchIn

@@ -21,7 +21,7 @@ from service.api.middleware.heavy_answers import FilesInTurns
 from service.api.middleware.observing import Observation
 from service.api.middleware.origins import Sharing
 from service.api.middleware.security import Guard
-from service.api.replies.conditional import tag_of_content
+from service.api.replies.responses import tag_of_content
 from service.api.routes import (
     analysis,
     atlases,

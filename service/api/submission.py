@@ -25,9 +25,8 @@ from service.dynamics.problem import PlanarMotion
 from service.jobs.kernels import most_missing
 from service.jobs.keys import ApiKey
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.problem.budgets import window_of
 from service.schemas.problem.documents import JobIn
-from service.schemas.problem.problem import check_problem
+from service.schemas.problem.problem import check_problem, window_of
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.reading.annotation import split_annotation
 from service.schemas.reading.documents import Fault, InvalidProblemError, first_of

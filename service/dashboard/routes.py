@@ -88,10 +88,12 @@ PAGES = {
     "/workbench": Page("Workbench", "workbench", ("fields", "sphere", "verdict")),
     "/solutions": Page("Solutions", "lists", ("chosen", "follow")),
     "/jobs": Page("Jobs", "lists", ("chosen", "follow")),
+    "/studies": Page("Studies", "lists", ("chosen", "follow")),
     "/sweeps": Page("Sweeps", "lists", ("chosen", "follow", "sweeps", "arrays", "planes")),
     "/families": Page("Families", "families", ("sphere", "starting", "follow")),
     "/accuracy": Page("Accuracy", "accuracy", ("chart",)),
     "/solution": Page("Solution", "solution", ("arrays", "sphere", "chart", "series", "body"), "/solutions"),
+    "/study": Page("Study", "study", ("follow", "starting"), "/studies"),
     "/sweep": Page("Sweep", "sweep", ("arrays", "chart", "follow", "planes", "starting"), "/sweeps"),
 }
 """The pages by their paths. These are flat: all links are relative, and hold behind a proxy's prefix, too."""
@@ -102,10 +104,12 @@ _MISSING = Page("Not found", "core")
 @router.get("/workbench")
 @router.get("/solutions")
 @router.get("/jobs")
+@router.get("/studies")
 @router.get("/sweeps")
 @router.get("/families")
 @router.get("/accuracy")
 @router.get("/solution")
+@router.get("/study")
 @router.get("/sweep")
 async def show_shell(request: Request) -> Response:
     """Return a page without data: its module asks the API for them."""

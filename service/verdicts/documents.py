@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import printed_error
 from service.dynamics.discovery.cases import known_cases
-from service.dynamics.discovery.outcomes import NotPolynomialError
+from service.dynamics.discovery.outcomes import NotPolynomialError, TooManyTermsError
 from service.dynamics.discovery.potential_search import ratios_that_admit
 from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.real import RealAlgebra
@@ -36,7 +36,6 @@ from service.dynamics.reduction.existence import CurveRange, Existence
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.window import Arc, Window, height
 from service.dynamics.solution.ball_columns import as_decimals
-from service.dynamics.verdict.exact_ring.layout import NoProofError
 from service.dynamics.verdict.own_curve import InadmissibleMotionError
 from service.dynamics.verdict.refutations.counterexample import Counterexample
 from service.dynamics.verdict.refutations.jumps import Jump
@@ -220,7 +219,7 @@ def ratios_document(body: RigidBody, potential: Potential, stated: Part) -> Docu
         parameters = {name: exact_number(value) for name, value in given.items()}
     try:
         return ratios_that_admit(text, parameters, B=body.B, C=body.C).to_document()
-    except (NotPolynomialError, NoProofError):
+    except (NotPolynomialError, TooManyTermsError):
         return None
 
 

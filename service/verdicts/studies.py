@@ -69,7 +69,7 @@ def _integrals(document: Part, is_late: Callable[[], bool]) -> Document:
 
 def _potentials(document: Part, is_late: Callable[[], bool]) -> Document:
     body: Part = document.get("body") or {}
-    ratio = exact_number(body["A"]) / exact_number(body["C"]) if body.get("A") is not None else None
+    ratio = exact_number(body["A"]) / exact_number(body["C"]) if body else None
     return search_potentials(ratio, int(exact_number(document["degree"])), is_late).to_document()
 
 

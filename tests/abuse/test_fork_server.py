@@ -6,12 +6,11 @@ import signal
 import time
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import forkserver, resource_tracker
-from pathlib import Path
 
 import pytest
 
 from service.sandbox import Sandbox, SandboxBrokenError
-from tests.workers.processes import wait_until
+from tests.support.waiting import PATIENCE, is_alive, wait_until
 
 
 @pytest.fixture
@@ -32,17 +31,10 @@ def kill_fork_server() -> None:
     os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
 
 
-def is_alive(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
 def test_a_fork_server_that_was_killed_is_replaced(sandbox):
-    child = sandbox.run(os.getpid, seconds=10)
+    child = sandbox.run(os.getpid, seconds=PATIENCE)
     kill_fork_server()
-    assert sandbox.run(math.hypot, 3.0, 4.0, seconds=10) == 5.0
+    assert sandbox.run(math.hypot, 3.0, 4.0, seconds=PATIENCE) == 5.0
     # A child that nobody can watch must not take the calls of its successor.
     wait_until(lambda: not is_alive(child))
 
@@ -56,22 +48,22 @@ def test_a_call_under_way_is_made_anew_when_the_fork_server_is_killed(sandbox):
             wait_until(future.running)
             kill_fork_server()
 
-    sandbox.run(time.sleep, 0.3, seconds=30, submitted=submitted)
+    sandbox.run(time.sleep, 0.3, seconds=PATIENCE, submitted=submitted)
     assert len(tries) > 1
 
 
 def test_the_fork_server_and_the_child_may_die_together(sandbox):
-    child = sandbox.run(os.getpid, seconds=10)
+    child = sandbox.run(os.getpid, seconds=PATIENCE)
     kill_fork_server()
     os.kill(child, signal.SIGKILL)
-    assert sandbox.run(os.getpid, seconds=10) != child
+    assert sandbox.run(os.getpid, seconds=PATIENCE) != child
 
 
 @pytest.mark.filterwarnings("ignore:resource_tracker")
 def test_the_resource_tracker_may_die(sandbox):
     os.kill(resource_tracker._resource_tracker._pid, signal.SIGKILL)
     kill_fork_server()
-    assert sandbox.run(math.hypot, 3.0, 4.0, seconds=10) == 5.0
+    assert sandbox.run(math.hypot, 3.0, 4.0, seconds=PATIENCE) == 5.0
 
 
 @pytest.mark.parametrize(
@@ -89,7 +81,7 @@ def test_a_pool_that_cannot_start_or_take_a_call_is_made_anew(sandbox, monkeypat
         return right(self, *arguments, **options)
 
     monkeypatch.setattr(pool_class, place, fail_once)
-    assert sandbox.run(math.hypot, 3.0, 4.0, seconds=10) == 5.0
+    assert sandbox.run(math.hypot, 3.0, 4.0, seconds=PATIENCE) == 5.0
     assert not failures
 
 
@@ -97,7 +89,7 @@ def test_a_call_that_nobody_will_make_any_more_does_not_wait_for_ever(sandbox, m
     """A pool that breaks before its scheduler has seen a call forgets the call."""
     pool = sandbox._seats[0].pool
     monkeypatch.setattr(pool._pool_manager, "schedule", lambda _: break_pool(pool))
-    assert sandbox.run(math.hypot, 3.0, 4.0, seconds=10) == 5.0
+    assert sandbox.run(math.hypot, 3.0, 4.0, seconds=PATIENCE) == 5.0
 
 
 def break_pool(pool):
@@ -111,4 +103,4 @@ def test_processes_that_can_never_be_started_end_in_an_error(sandbox, monkeypatc
     stop_pools(sandbox)
     monkeypatch.setattr(type(sandbox._seats[0].pool), "_start_pool", fail)
     with pytest.raises(SandboxBrokenError, match="no child process can be started"):
-        sandbox.run(abs, -1, seconds=10)
+        sandbox.run(abs, -1, seconds=PATIENCE)

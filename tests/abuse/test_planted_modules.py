@@ -13,7 +13,7 @@ from service.storage.tables.operations import WorkerRow
 from tests.support.api import STATE
 from tests.support.databases import url_of
 from tests.support.serving import serving
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 POLHODE = Path(sys.executable).with_name("polhode")
 OURS = ("workers", "service", "migrations")

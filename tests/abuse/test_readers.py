@@ -22,7 +22,7 @@ from tests.support.effort import one_in
 from tests.support.keys import make
 from tests.support.serving import Service, serving
 from tests.support.sweeps import store_points
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 CAPACITY = 150
 SAMPLES = 100_000
@@ -64,7 +64,7 @@ def get(address, path):
 @pytest.mark.parametrize(
     "name",
     # More of the same clients are measured only.
-    one_in(2, (name for name in ATTACKS if not name.startswith("many"))),
+    one_in(4, (name for name in ATTACKS if not name.startswith("many"))),
 )
 def test_those_who_do_not_read_stop_nobody_and_fill_no_memory(service, name):
     running, named = service
@@ -117,6 +117,7 @@ def test_those_who_do_not_read_make_room_for_new_connections(service):
         assert get(running.address, "/livez")
 
 
+@pytest.mark.long
 def test_one_key_that_does_not_read_keeps_no_other_from_large_answers(tmp_path):
     url = url_of(tmp_path / "polhode.db")
     migrate(url)

@@ -16,7 +16,7 @@ from service.storage.upkeep.backup import BackupError, back_up, restore
 from service.storage.upkeep.presence import GONE_SECONDS, ServicePresence, who_is_present
 from tests.support.api import TestClient
 from tests.support.postgres import binaries
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 
 @pytest.fixture(autouse=True)

@@ -18,7 +18,7 @@ from sqlalchemy import func, select
 from service.storage.database.database import Database
 from service.storage.tables.operations import WorkerRow
 from tests.support.databases import copy_of
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 ROOT = Path(__file__).parents[2]
 POLHODE = Path(sys.executable).with_name("polhode")

@@ -20,7 +20,7 @@ from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import TestClient
 from tests.support.keys import make
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 from workers.process.tasks import draw_atlas, solve_problem
 from workers.sweeping.chunk import compute_chunk
 

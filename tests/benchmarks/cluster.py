@@ -21,7 +21,8 @@ from tests.benchmarks.whole.requests import PROBLEM, wait_until_warm
 from tests.support.dask_cluster import Cluster
 from tests.support.postgres import PostgresServer, postgres_server
 from tests.support.serving import Service, serving
-from tests.workers.processes import Worker, wait_until
+from tests.support.waiting import wait_until
+from tests.workers.processes import Worker
 
 JOBS, POINTS = 10_000, 1_000_000
 ROUNDS = 3

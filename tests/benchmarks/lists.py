@@ -11,7 +11,7 @@ from tests.benchmarks.motions import LIBRATION
 from tests.benchmarks.throughput import PATIENCE, PLACES, bare_seconds, sqlite_url
 from tests.benchmarks.whole.requests import PROBLEM, wait_until_warm
 from tests.support.serving import Service, serving
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 GENERAL = {
     **PROBLEM,

@@ -21,7 +21,7 @@ from service.storage.database.rows import new_id
 from service.storage.tables.base import table_of
 from service.storage.tables.solutions import SolutionRow, insertion, triggers
 from tests.support.serving import serving
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 BATCH = 5000
 SEED = 7

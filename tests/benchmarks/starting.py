@@ -8,7 +8,6 @@ import argparse
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -22,6 +21,7 @@ from statistics import median
 
 from service.local.worker_process import FOLDER_VARIABLE
 from tests.benchmarks.measuring import Effort, Table, in_words
+from tests.support.serving import free_port
 
 PATIENCE = 300.0
 PROBLEM = {
@@ -199,9 +199,7 @@ def measure(command: Path) -> list[float]:
 @contextmanager
 def serving(command: Path, environment: Mapping[str, str]) -> Iterator[tuple[str, float]]:
     """Yield the address of a service with a new database, and when it was started."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     with tempfile.TemporaryDirectory() as folder:
         began = time.monotonic()
         service = subprocess.Popen(

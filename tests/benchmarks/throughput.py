@@ -20,8 +20,8 @@ from tests.benchmarks.measuring import Effort, Table, in_words
 from tests.support.finishing import finish_success
 from tests.support.postgres import PostgresServer, postgres_server
 from tests.support.serving import Service, serving
+from tests.support.waiting import wait_until
 from tests.workers.process.engines.installation import Installation, installed
-from tests.workers.processes import wait_until
 
 T = TypeVar("T")
 

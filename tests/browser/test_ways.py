@@ -124,7 +124,7 @@ def test_who_is_faster_than_what_compares_is_heard(tab):
     settle(page)
     page.get_by_label("or the one with the id").fill(other)
     page.get_by_role("button", name="Compare", exact=True).click()
-    assert wait_until(lambda: page.title() and held)  # asking the page lets the request be seen
+    wait_until(lambda: page.title() and held)  # asking the page lets the request be seen
     expect(page.locator("#compare-note")).to_be_empty()
     held[0].continue_()
     expect(page.locator("#compare-note")).to_contain_text("they are different motions")
@@ -141,7 +141,7 @@ def test_a_late_answer_leaves_the_field_alone_that_somebody_is_in(tab):
     expect(field).to_be_visible()  # the title comes first, and what is hidden takes no focus
     field.focus()
     expect(field).to_be_focused()
-    assert wait_until(lambda: page.title() and held)  # asking the page lets the request be seen
+    wait_until(lambda: page.title() and held)  # asking the page lets the request be seen
     held[0].continue_()
     expect(page.locator("#series-note")).to_contain_text("From 1 to 2")
     assert (field.input_value(), other.input_value()) == ("", "")
@@ -196,7 +196,7 @@ def test_an_error_that_can_be_seen_is_drawn_as_a_band(tab):
     assert page.evaluate(bands) == 0
     # A thousandth of a billionth of the height of γ: the told error is more than a pixel of it.
     page.evaluate("Plotly.relayout('series', {'yaxis2.range[0]': 0.5, 'yaxis2.range[1]': 0.5 + 1e-12})")
-    assert wait_until(lambda: page.evaluate(bands) == 3)
+    wait_until(lambda: page.evaluate(bands) == 3)
     error = tab.site.service.call(
         "GET", f"/v1/solutions/{solution}/trajectory?preview=400&columns=t,p,q,r,g1,g2,g3"
     ).document["error"]

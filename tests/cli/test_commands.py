@@ -23,7 +23,7 @@ from service.schemas.replies.installation import AccuracyTableModel
 from service.storage.database.database import Database
 from service.storage.solutions.accuracy_store import AccuracyStore
 from tests.support.effort import seldom
-from tests.support.waiting import wait_until
+from tests.support.waiting import is_alive, wait_until
 from workers.cli.documents import solve_file
 
 POLHODE = Path(sys.executable).with_name("polhode")
@@ -353,14 +353,6 @@ class Service:
         return next(int(line.split()[0]) for line in found.stdout.splitlines() if "workers run" in line)
 
 
-def is_alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, *seldom(signal.SIGINT)])
 def test_serve_solves_and_stops_in_order(service, number):
     assert service.solve()["state"] == "succeeded"
@@ -379,7 +371,7 @@ def test_a_worker_that_was_killed_is_replaced_and_none_outlives_a_service_that_w
     assert worker != killed
     service.process.kill()
     service.process.wait()
-    assert wait_until(lambda: not is_alive(worker))
+    wait_until(lambda: not is_alive(worker))
 
 
 def test_a_port_in_use_is_a_failure_with_a_reason(process):

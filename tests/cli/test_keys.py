@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from service.cli.commands import app
 from service.cli.database import seconds_of
 from service.jobs.keys import key_prefix
+from tests.support.waiting import PATIENCE
 
 pytestmark = pytest.mark.any_database
 
@@ -123,7 +124,9 @@ def test_other_machines_are_served_by_a_live_key_alone(polhode):
 
 def status(address: str, **headers: str) -> int:
     try:
-        with urllib.request.urlopen(urllib.request.Request(address, headers=headers), timeout=30) as answer:
+        with urllib.request.urlopen(
+            urllib.request.Request(address, headers=headers), timeout=PATIENCE
+        ) as answer:
             return answer.status
     except urllib.error.HTTPError as error:
         with error:
@@ -148,6 +151,6 @@ def test_with_a_key_the_service_listens_to_other_machines_and_asks_them_for_it(p
         assert status(f"{address}/v1/jobs", Authorization=f"Bearer {text}") == 200
     finally:
         process.terminate()
-        _, said = process.communicate(timeout=30)
+        _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0
     assert text[13:] not in said

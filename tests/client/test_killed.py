@@ -2,7 +2,6 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 
 import polhode as ph
+from tests.support.serving import free_port
 
 SERVE = Path(sys.executable).with_name("polhode")
 
@@ -22,9 +22,7 @@ class Killable:
     """``polhode serve`` on one port and one database, killed with its workers and started again at will."""
 
     def __init__(self, url: str, folder: Path) -> None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
+        self.port = free_port()
         self._folder = folder
         # A lease ends soon after its worker has died.
         self._environment = {**os.environ, "POLHODE_DATABASE_URL": url, "POLHODE_LEASE_SECONDS": "2"}

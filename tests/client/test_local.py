@@ -12,7 +12,7 @@ import pytest
 import polhode as ph
 from polhode.connecting import TellingCarrier, terms_of
 from polhode.motions import Motion
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 PROGRAM = """
 import sys, polhode as ph

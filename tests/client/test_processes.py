@@ -14,12 +14,12 @@ import pytest
 
 import polhode as ph
 from tests.client.test_local import answers
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 LAMBDAS = ["60/97", "66/97", "70/97", "77/97", "86/97", "92/97", "103/97", "110/97"]
 
 FORKED = """
-import asyncio, json, multiprocessing, os, sys
+import asyncio, contextlib, json, multiprocessing, os, sys
 import polhode as ph
 from polhode.transport.exchange import follow
 
@@ -46,8 +46,11 @@ def solved_in_a_loop(lam):
 def sockets(_=None):
     with open("/proc/net/tcp") as listed:
         connected = {f"socket:[{line.split()[9]}]" for line in list(listed)[1:]}
-    links = (f"/proc/self/fd/{each}" for each in os.listdir("/proc/self/fd"))
-    return connected & {os.readlink(each) for each in links if os.path.islink(each)}
+    mine = set()
+    for each in os.listdir("/proc/self/fd"):
+        with contextlib.suppress(FileNotFoundError):  # closed since, as the listing itself is
+            mine.add(os.readlink(f"/proc/self/fd/{each}"))
+    return connected & mine
 
 async def main():
     # Within a loop whose connections are open: all that a fork can take with it.

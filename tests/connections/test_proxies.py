@@ -6,7 +6,6 @@ import os
 import re
 import shutil
 import signal
-import socket
 import ssl
 import subprocess
 from collections.abc import Iterator, Mapping
@@ -19,9 +18,9 @@ from service.storage.database.migration import migrate
 from tests.abuse.readers import ATTACKS
 from tests.support.api import PLANAR
 from tests.support.databases import url_of
-from tests.support.serving import Service, serving
+from tests.support.serving import Service, free_port, serving
 from tests.support.sweeps import store_points
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 PATH = f"{os.environ['PATH']}:/usr/sbin:/usr/local/sbin"
 PROXIES = {name: shutil.which(name, path=PATH) for name in ("nginx", "caddy")}
@@ -107,9 +106,7 @@ def proxied(name: str, folder: Path, service: Service) -> Iterator[int]:
     subject = (*names, "-days", "1", "-nodes", "-newkey", "rsa:2048")
     files = ("-keyout", folder / "polhode.key", "-out", folder / "polhode.pem")
     subprocess.run([OPENSSL, "req", "-x509", *subject, *files], check=True, capture_output=True)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     options = COMMANDS[name](folder, service.address.removeprefix("http://"), port)
     with (folder / "log").open("wb") as log:
         own = {"HOME": str(folder), "XDG_DATA_HOME": str(folder), "XDG_CONFIG_HOME": str(folder)}

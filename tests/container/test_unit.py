@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from service.settings import Settings
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 UNIT = Path(__file__).parents[2] / "docker" / "polhode.service"
 ANALYZE = shutil.which("systemd-analyze")

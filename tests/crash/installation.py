@@ -8,7 +8,6 @@ import contextlib
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -19,6 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tests.support.dask_cluster import Cluster, Network
+from tests.support.serving import free_port
 from tests.workers.processes import network_apart
 
 POLHODE = Path(sys.executable).with_name("polhode")
@@ -60,9 +60,7 @@ class Installation:
             self.network = Network(self.cluster.address)
             own |= {**CLUSTER_SETTINGS, "POLHODE_DASK_SCHEDULER": self.network.address}
         self.environment = {**os.environ, **SETTINGS, **own}
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self._port = probe.getsockname()[1]
+        self._port = free_port()
         serve = _Launch(["serve", "--port", str(self._port), "--workers", "1"], folder)
         other = _Launch(["worker", "--slots", "1"], folder)
         if engine == "postgres":

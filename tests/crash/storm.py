@@ -26,7 +26,7 @@ from tests.crash.client import Client
 from tests.crash.installation import SETTINGS, STALL_SECONDS, Installation, kill
 from tests.support.databases import url_of
 from tests.support.postgres import postgres_server
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 PREY = {
     **{"api": 2, "worker": 2, "helper": 1, "judge": 1, "child": 8},

@@ -10,8 +10,8 @@ from service.sandbox import Sandbox
 from service.storage.database.rows import database_now
 from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import SqlJobStore
+from tests.support.waiting import wait_until
 from tests.workers.chores import CHORES
-from tests.workers.processes import wait_until
 from workers.process.pool import ChildrenPool
 from workers.process.results import JobLimits
 from workers.process.runner import Runner

@@ -15,7 +15,7 @@ from service.storage.inspection.inspect import inspect
 from tests.crash.client import problem
 from tests.support.databases import url_of
 from tests.support.serving import serving
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 
 @pytest.fixture

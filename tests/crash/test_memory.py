@@ -8,7 +8,8 @@ import pytest
 
 from service.jobs.records import JobState
 from service.storage.inspection.inspect import inspect
-from tests.workers.processes import Worker, wait_until
+from tests.support.waiting import wait_until
+from tests.workers.processes import Worker
 
 pytestmark = pytest.mark.any_database
 

@@ -17,7 +17,8 @@ from tests.support.databases import url_of
 from tests.support.effort import seldom
 from tests.support.lists import list_jobs
 from tests.support.serving import serving
-from tests.workers.processes import PATIENCE, Worker, wait_until
+from tests.support.waiting import PATIENCE, wait_until
+from tests.workers.processes import Worker
 
 COMMITS = (1, 3, 5, 7)
 """Commits of a worker that announces itself, takes jobs of each kind below, keeps leases, and ends the jobs.
@@ -39,7 +40,7 @@ def test_a_worker_may_die_at_any_of_its_commits(database, jobs, url):
         submitted += [jobs.submit(chore, f"{number} {chore}").id for chore in CHORES]
         worker = Worker(url, fault=f"commit:{moment}:{number}", max_attempts=1000)
         try:
-            assert worker.process.wait(timeout=30) == -signal.SIGKILL
+            assert worker.process.wait(timeout=PATIENCE) == -signal.SIGKILL
             wait_until(lambda worker=worker: not worker.session())
         finally:
             worker.clean_up()
@@ -68,7 +69,7 @@ def test_a_submit_without_an_answer_may_be_repeated(tmp_path):
             assert service.call("GET", "/v1/jobs").document["total"] == 0
             with pytest.raises((OSError, HTTPException)):
                 service.call("POST", "/v1/jobs", problem(1))
-            assert service.process.wait(timeout=10) == -signal.SIGKILL
+            assert service.process.wait(timeout=PATIENCE) == -signal.SIGKILL
         database = Database(url_of(tmp_path / "polhode.db"))
         assert list_jobs(SqlJobStore(database)).total == stored
         database.close()

@@ -8,7 +8,6 @@ import re
 import shlex
 from pathlib import Path
 
-import click
 import pytest
 import typer
 import yaml
@@ -76,7 +75,7 @@ def test_a_command_exists_with_its_options(page: str, line: str):
         command, taken = children[name], f"{taken} {name}"
     known = {
         option
-        for parameter in command.get_params(click.Context(command))
+        for parameter in command.get_params(typer.Context(command))
         for option in (*parameter.opts, *parameter.secondary_opts)
     }
     assert {word.partition("=")[0] for word in words if word.startswith("--")} <= known

@@ -3,7 +3,7 @@
 import json
 
 from tests.support.serving import serving
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 PROBLEM = {
     "body": {"A": 2, "C": 1},

@@ -66,6 +66,7 @@ def test_the_period_at_a_lambda_whose_square_is_no_double(tier, exponent):
         assert abs(arb(period["value"]) - limit) <= period["error"] + 1e-15
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     "document",
     [
@@ -112,6 +113,7 @@ def drawn(rng):
     return document
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("seed", [0, 1, 2, *seldom(*range(3, 60))])
 def test_numbers_of_any_size_have_an_answer_in_every_way(monkeypatch, seed):
     monkeypatch.setattr(chunk, "MOST_CHUNK_SECONDS", 3600.0)

@@ -89,6 +89,7 @@ def past_the_gap(bits: int) -> Fraction:
     return -(1 + Fraction(1, 2**bits)) / 16
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("bits", [8, 60])
 def test_beyond_the_gap_the_motion_lasts_until_its_collision(bits):
     end = time_to_collision(nu=ONE, a1=ONE, b1=past_the_gap(bits), c1=-ONE)
@@ -103,6 +104,7 @@ def test_beyond_the_gap_the_motion_lasts_until_its_collision(bits):
     assert beyond_the_gap(bits, times[-2:]).code == "motion_ended"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("bits", [95, *seldom(210)])
 def test_a_collision_whose_time_is_not_known_ends_no_motion(bits):
     """A near rest narrower than the panels of a motion that ends makes its time a guess.

@@ -67,6 +67,7 @@ ALPHAS = [Fraction(17, 10), *(Fraction(k) for k in (2, 3, 4, 10, 100))]
 
 
 # The reference takes 10 s of alpha = 1000.
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("alpha", "inverse"),
     [
@@ -122,6 +123,7 @@ def slide_period(alpha: Fraction) -> float:
         return float(4 * a / mpmath.sqrt(2) * mpmath.quad(integrand, points))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("body", "family"),
     [((1 + Fraction("1e-9"), 1), {"B": [-1]}), *seldom(((1, 1 + Fraction("1e-9")), {"C": [-1]}))],

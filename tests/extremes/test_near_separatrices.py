@@ -65,6 +65,7 @@ def test_periods_and_samples_are_within_their_claims(sign, n, tier):
                 assert abs(value - arb(float(columns[name][k]))) <= outcome.summary["error"]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("outputs", [["period"], ["period", "gamma", "omega"]])
 def test_far_beyond_doubles_a_motion_is_solved_or_refused_by_name(outputs):
     exact, bits = reference("-", 30_000)
@@ -132,6 +133,7 @@ def test_a_period_that_is_not_known_is_refused():
         assert refusal.value.code == "accuracy_not_met"
 
 
+@pytest.mark.long
 def test_a_motion_that_turns_back_at_once_has_its_period_and_no_samples_in_doubles():
     """It comes as near to the pole as |g1| = 1e-31: p jumps for every double."""
     given = {

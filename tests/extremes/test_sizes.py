@@ -118,6 +118,7 @@ def test_a_libration_next_to_the_pole_is_found_however_small(a1):
     assert answer.period == pytest.approx(2e-75 * np.pi, rel=1e-15)
 
 
+@pytest.mark.long
 def test_a_reflection_at_1e_minus_300_is_not_taken_for_an_end_at_the_pole():
     # 2 b1 / nu² = |a1| x there: p turns, g3 does not. A motion said to end at the pole would be another one.
     start_turn_start = {"periods": 1, "samples": 3}
@@ -126,6 +127,7 @@ def test_a_reflection_at_1e_minus_300_is_not_taken_for_an_end_at_the_pole():
     assert three_terms(-1, "1e-299", 0, 1, start_turn_start, method="quadrature").code == "accuracy_not_met"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("b1", [*seldom("-1e-20", "-1e-100", "-1e-250"), "-1e-150"])
 def test_a_collision_that_tiny_terms_decide_comes_in_finite_time(b1):
     """V = −(g1² − g2²) alone tends to the pole for ever; b1/g3² takes over at x² ~ |b1| and ends it."""

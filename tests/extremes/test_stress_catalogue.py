@@ -83,6 +83,7 @@ def test_s2_next_to_the_separatrix_at_the_pole(method, e, positive, negative):
             assert answer.summary["window"]["g1"][0] == pytest.approx(float(a1) / 2, rel=1e-15)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("tier", ["draft", "standard", "high", "certified"])
 def test_s2_where_doubles_do_not_know_the_period_enclosures_have_it_and_the_times(tier):
     """T is about 696; the closed form in doubles has 328, and claims an error of 57."""
@@ -127,6 +128,7 @@ def test_s3_a_stable_equilibrium_and_small_librations_about_it(method):
     assert three_terms(-1, b1, c1 * (1 + Fraction("1e-6")), 1, SHORT, method=method).code == "no_motion"
 
 
+@pytest.mark.one_in(2)
 @each_once(
     method=METHODS,
     e__trip=[("1e-4", "8.311505408414688543587259"), ("1e-8", "13.86549833483549517550928")],

@@ -74,6 +74,7 @@ def test_the_door_takes_1e5_samples_and_names_more():
     assert three_terms(-1, "1/20", 0, 1, {"periods": "1e16", "samples": 2}).code == "invalid_problem"
 
 
+@pytest.mark.long
 def test_a_million_samples_of_the_solver():
     times = TimePeriods(Fraction(7), 1_000_000)
     motion = solve_planar(planar(body(2, 1), "-g1 + 1/(20*g3^2)", PlanarMotion(None, nu=ONE), times))

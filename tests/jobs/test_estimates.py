@@ -93,6 +93,7 @@ def told(installation: Installation):
     return instants, np.array([np.nan if each is None else each for each in estimates]), end - instants
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("workers", [1, 2, 7])
 @pytest.mark.parametrize("point_seconds", [1e-4, 5e-3, 0.4])
 @pytest.mark.parametrize("start_up", [0.0, 1.0, 20.0])

@@ -16,7 +16,7 @@ from service.settings import Settings
 from service.storage.database.database import Database
 from service.storage.jobs.worker_registry import WorkerRegistry
 from tests.support.api import TestClient
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 FOREVER = [sys.executable, "-S", "-c", "import signal; signal.pause()"]
 WARM_AT_ONCE = """

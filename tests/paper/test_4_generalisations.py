@@ -91,6 +91,7 @@ def test_F_of_the_rational_potentials(symbol):
         assert sympy.simplify(-energy / (sympy.sqrt(u) * u ** (n - 1))).is_imaginary
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("n", range(1, 7))
 def test_F_powers_lead_to_rational_potentials(n):
     """Text before F(u): u^{n-1/2} and u^{-n} have rational potentials: the service's U_n, W_n"""

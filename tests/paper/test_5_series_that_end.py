@@ -121,6 +121,7 @@ def test_t3_solves_the_equation():
         assert sympy.Poly(sympy.expand(function), G1, G3).total_degree() == 2 * order
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("order", range(1, 7))
 def test_exclusions(order):
     """Case 3): "α not one of (n+1)/(n-1-k), k = 0..n" belongs to (t3), for k = 0..n-2 only.

@@ -9,7 +9,8 @@ import sys
 import threading
 from pathlib import Path
 
-from tests.workers.processes import ROOT, wait_until
+from tests.support.waiting import wait_until
+from tests.workers.processes import ROOT
 
 
 class Cluster:

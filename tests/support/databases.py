@@ -79,9 +79,8 @@ def sqlite_url(sqlite_template: Path, tmp_path: Path) -> str:
 
 @pytest.fixture
 def postgres_url(postgres: PostgresServer, postgres_template: str) -> Iterator[str]:
-    name = postgres.create_database(postgres_template)
-    yield postgres.url(name)
-    postgres.drop_database(name)
+    with postgres.copy_of(postgres_template) as name:
+        yield postgres.url(name)
 
 
 @pytest.fixture(params=["sqlite", "postgres"])

@@ -8,7 +8,8 @@ take long and seldom find what the others do not.
   ``make test-long EXAMPLES=some`` draws as many as lie halfway between the
   two in ratio: so a clean clone is tested, in a time one can wait for.
 - ``seldom``: cases beside others of the same table.
-- ``one_in``: of a table whose cases are alike, ``make test`` takes one in so many.
+- ``one_in``: of a table whose cases are alike, ``make test`` takes one in so many. So does the marker
+  ``one_in`` of a whole test.
 - ``each_once``: of the combinations of several tables, ``make test`` takes so
   many that it meets every value of every table.
 """

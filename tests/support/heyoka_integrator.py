@@ -127,6 +127,7 @@ class HeyokaIntegrator:
     finest = 1e-20
     coarsest = 1e-6
     leaves_out = 0.2  # the terms after the last one, of steps of 0.15 of the radius
+    first_share = 0.01
     tightening = 100.0  # two orders: two tolerances within one order would take the same steps
 
     def __init__(self, body: RigidBody, potential: Potential, rounding: Rounding = nearest_double) -> None:

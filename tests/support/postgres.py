@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psycopg
@@ -17,7 +17,38 @@ from psycopg import sql
 _ids = itertools.count(1)
 
 # The data lives as long as the tests; what the disk has after a power cut is nothing to them.
-_OPTIONS = "-c fsync=off -c full_page_writes=off -c max_connections=200 -c shared_buffers=64MB"
+# Nobody but a test itself makes statistics, on which plans depend.
+_OPTIONS = (
+    "-c autovacuum=off -c fsync=off -c full_page_writes=off -c max_connections=200 -c shared_buffers=64MB"
+)
+
+_DISCONNECT_OTHERS = """
+SELECT pg_terminate_backend(pid, 10000) FROM pg_stat_activity
+WHERE datname = current_database() AND pid <> pg_backend_pid()
+"""
+_CATALOGS = (
+    "class attribute attrdef constraint index trigger rewrite proc type namespace statistic db_role_setting"
+)
+# Every change of a row, in-place ones of statistics aside, gives it a new xmin.
+_STATE = " UNION ALL ".join(
+    [
+        *(
+            f"SELECT count(*)::text, max(xmin::text::bigint)::text FROM pg_{name}"
+            for name in _CATALOGS.split()
+        ),
+        "SELECT sum(reltuples)::text, sum(relpages)::text FROM pg_class WHERE relkind = 'r' AND oid > 16383",
+        "SELECT version_num, '' FROM alembic_version",
+    ]
+)
+_TABLES_WITH_ROWS = """
+SELECT relname FROM pg_class
+WHERE relkind = 'r' AND relnamespace = 'public'::regnamespace
+AND pg_relation_size(oid) > 0 AND relname <> 'alembic_version'
+"""
+
+
+def _fetched(connection: "psycopg.Connection[tuple[object, ...]]", query: str) -> list[tuple[object, ...]]:
+    return connection.execute(query).fetchall()
 
 
 def binaries() -> Path:
@@ -34,6 +65,7 @@ class PostgresServer:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self._data = folder / "data"
+        self._unused: dict[str, list[tuple[str, list[tuple[object, ...]]]]] = {}
         # Postgres refuses to run as root; nobody can do it as well.
         self._user = "nobody" if os.geteuid() == 0 else None
         self._binaries = self._readable_binaries()
@@ -78,9 +110,35 @@ class PostgresServer:
         """Drop a database, whoever is connected."""
         self._execute(sql.SQL("DROP DATABASE {} WITH (FORCE)").format(sql.Identifier(name)))
 
+    @contextmanager
+    def copy_of(self, template: str) -> Iterator[str]:
+        """Lend a copy of a database whose tables are empty but for the revision.
+
+        Making a copy and dropping it takes the server 0.14 s of processor time, emptying one a tenth of it.
+        A copy that comes back with another schema than it had, other settings or statistics, is dropped.
+        """
+        unused = self._unused.setdefault(template, [])
+        if unused:
+            name, before = unused.pop()
+        else:
+            name = self.create_database(template)
+            with self._connected(name) as connection:
+                before = _fetched(connection, _STATE)
+        yield name
+        with suppress(psycopg.Error), self._connected(name) as connection:
+            connection.execute(_DISCONNECT_OTHERS)
+            if _fetched(connection, _STATE) == before:
+                if tables := _fetched(connection, _TABLES_WITH_ROWS):
+                    connection.execute(f"TRUNCATE {', '.join(table for (table,) in tables)} CASCADE")
+                unused.append((name, _fetched(connection, _STATE)))
+                return
+        self.drop_database(name)
+
+    def _connected(self, database: str) -> "psycopg.Connection[tuple[object, ...]]":
+        return psycopg.connect(f"host={self.folder} user=polhode dbname={database}", autocommit=True)
+
     def _execute(self, statement: sql.Composable) -> None:
-        conninfo = f"host={self.folder} user=polhode dbname=postgres"
-        with psycopg.connect(conninfo, autocommit=True) as connection:
+        with self._connected("postgres") as connection:
             connection.execute(statement)
 
     def _readable_binaries(self) -> Path:

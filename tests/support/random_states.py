@@ -14,9 +14,9 @@ import numpy as np
 
 from service.dynamics.problem import Tier
 from service.schemas.problem.problem import read_problem
-from tests.support import fixed_point
+from tests.support import doubled_series
 from tests.support.claims import UNSEEN, Claim
-from tests.support.fixed_point import Term
+from tests.support.doubled_series import Term
 from tests.support.random_documents import with_times
 from workers.computation.compute import solve
 
@@ -44,7 +44,7 @@ class StateCase:
     kind: Kind
     base: dict[str, Any]
     times: list[float]
-    reference: list[list[int]]
+    reference: list[list[Fraction]]
     """Multiples of 2^-BITS."""
 
     @property
@@ -70,7 +70,7 @@ def draw_state(kind: Kind, draws: np.random.Generator) -> StateCase:
     last = min(LAST, float(draws.uniform(0.3, most)) * log(1.0 / gap) / rate)
     sign = 1.0 if draws.random() < 0.8 else -1.0
     times = [sign * float(each) for each in sorted([last, *draws.uniform(0.0, last, 3)])]
-    motion = fixed_point.Motion(moments, tuple(terms))
+    motion = doubled_series.Motion(moments, tuple(terms))
     reference = motion.at((*omega, *gamma), [Fraction(repr(t)) for t in times])
     A, B, C = map(str, moments)
     document = {
@@ -103,7 +103,7 @@ def claims_of_state(case: StateCase, tier: Tier) -> list[Claim]:
 
 def _apart(values: np.ndarray, case: StateCase) -> float:
     return max(
-        abs(float(Fraction(value) - Fraction(exact, 1 << fixed_point.BITS)))
+        abs(float(Fraction(value) - exact))
         for row, state in zip(values.tolist(), case.reference, strict=True)
         for value, exact in zip(row, state, strict=True)
     )

@@ -2,6 +2,7 @@
 
 import json
 import os
+import random
 import signal
 import socket
 import subprocess
@@ -16,6 +17,8 @@ from pathlib import Path
 from typing import IO
 
 import pytest
+
+from tests.support.waiting import PATIENCE
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,18 @@ class Service:
         return self.call("GET", path).document, self.call("GET", path + "/trajectory").document
 
 
+def free_port() -> int:
+    """Return a port for a process that will be started; below those that connections get from the system.
+
+    One of these may be taken by any client of another test until the process listens.
+    """
+    while True:
+        port = random.randrange(15_000, 32_000)
+        with socket.socket() as probe, suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
+
+
 @contextmanager
 def serving(
     folder: Path,
@@ -63,9 +78,7 @@ def serving(
 ) -> Iterator[Service]:
     """Run ``polhode serve`` on the database in ``folder``; stop it with SIGTERM."""
     if port is None:
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
+        port = free_port()
     command = [
         Path(sys.executable).with_name("polhode"),
         "serve",
@@ -85,7 +98,7 @@ def serving(
     finally:
         process.send_signal(signal.SIGTERM)
         try:
-            process.wait(timeout=30)
+            process.wait(timeout=PATIENCE)
         finally:
             # Whatever a failed test left behind in the session goes with it.
             with suppress(ProcessLookupError):

@@ -54,6 +54,7 @@ def test_of_an_easy_motion_nothing_is_remarked(document):
     assert codes(document) == []
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("document", "told"),
     [

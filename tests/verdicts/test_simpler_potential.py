@@ -67,6 +67,7 @@ def test_problems_of_a_list_are_examined_by_it():
     ]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("examine", [examine_problem, examine_question])
 def test_a_refusal_of_windows_tells_the_verdict(examine):
     error = json.loads(examine(json.dumps(problem(UNSETTLED))))["error"]

@@ -7,10 +7,8 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeVar
 
 from sqlalchemy import select
 from sqlalchemy.exc import OperationalError
@@ -18,14 +16,11 @@ from sqlalchemy.exc import OperationalError
 from service.local.wakeup import WakeUpSocket
 from service.storage.database.database import Database
 from service.storage.tables.jobs import JobRow
+from tests.support.waiting import PATIENCE, process_ids, state_of, wait_until
 from tests.workers.forked_process import ForkedProcess
 
 ROOT = Path(__file__).parents[2]
-PATIENCE = 120.0
-"""Seconds until a test gives up: what has not happened by then never will, however busy the machine."""
 OWN_NETWORK = ("unshare", "--net")
-
-T = TypeVar("T")
 
 
 @functools.cache
@@ -38,18 +33,6 @@ def network_apart() -> tuple[str, ...]:
         return ()
     allowed = subprocess.run([*OWN_NETWORK, "true"], capture_output=True).returncode == 0
     return OWN_NETWORK if allowed else ()
-
-
-def wait_until(condition: Callable[[], T], patience: float = PATIENCE) -> T:
-    """Return the first truth of ``condition``."""
-    deadline, pause = time.monotonic() + patience, 0.01
-    while not (value := condition()):
-        if time.monotonic() > deadline:
-            raise AssertionError("waited in vain")
-        time.sleep(pause)
-        # To look costs processor time, which what is waited for may need.
-        pause = min(1.2 * pause, 0.06)
-    return value
 
 
 def stop_between_transactions(worker: "Worker", url: str) -> None:
@@ -68,10 +51,6 @@ def stop_between_transactions(worker: "Worker", url: str) -> None:
 
     wait_until(is_caught)
     database.close()
-
-
-def _process_ids() -> list[int]:
-    return [int(folder.name) for folder in Path("/proc").iterdir() if folder.name.isdigit()]
 
 
 class Worker:
@@ -134,14 +113,11 @@ class Worker:
 
     def session(self) -> set[int]:
         """Return the ids of all living processes that this worker started, itself included."""
-        return {pid for pid in _process_ids() if self._owns(pid)}
+        return {pid for pid in process_ids() if self._owns(pid)}
 
     def _owns(self, pid: int) -> bool:
-        try:
-            state, _, _, session = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[:4]
-        except (FileNotFoundError, ProcessLookupError):
-            return False
-        return int(session) == self.process.pid and state != "Z"
+        state = state_of(pid)
+        return state is not None and int(state[3]) == self.process.pid
 
     def clean_up(self) -> None:
         """Kill whatever is left of it."""

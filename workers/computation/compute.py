@@ -6,7 +6,8 @@ Motions of the certified tier, and those that fall back on it, are sampled from 
 import json
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from math import inf, isfinite, nextafter, ulp
@@ -15,10 +16,10 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from service.dynamics.accuracy import TIER_TOLERANCES
+from service.dynamics.accuracy import TIER_TOLERANCES, GroupError
 from service.dynamics.bounds import is_within, largest
-from service.dynamics.equations.orientation import orientation_columns
-from service.dynamics.errors import BudgetTooSmallError, DynamicsError
+from service.dynamics.equations.orientation import QUATERNION, orientation_columns
+from service.dynamics.errors import BudgetTooSmallError, DynamicsError, MissingMomentError
 from service.dynamics.motion import COLUMNS, CrossCheck, Motion, columns_of
 from service.dynamics.problem import Accuracy, PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.reduction.windows import hand_on_windows
@@ -29,8 +30,7 @@ from service.dynamics.verdict.simple_form import simplified
 from service.jobs.kernels import NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
 from service.local.worker_process import why_no_folder
-from service.schemas.problem.budgets import choose_tier, window_of, with_tier
-from service.schemas.problem.problem import place_sent, read_problem
+from service.schemas.problem.problem import choose_tier, place_sent, read_problem, window_of, with_tier
 from service.schemas.problem.trusted import trusted_problem
 from service.schemas.reading.documents import Document, Part
 from service.schemas.replies.summary import SolutionSummary
@@ -49,7 +49,7 @@ from workers.computation.compiled_code import (
     way_for,
 )
 from workers.computation.outputs import InUnits, compute_outputs, errors_of, in_units, require_promise
-from workers.computation.summary import summarise
+from workers.computation.summary import has_proven_attitude, summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.certified.validated.enclose import Watch
@@ -58,6 +58,7 @@ from workers.solvers.choose import choose_enclosures, enclose, find_motion, prov
 from workers.solvers.cross_check import compare
 from workers.solvers.errors import AccuracyNotMetError, is_known, require_error_within, require_period_known
 from workers.solvers.evidence import with_samples_raised
+from workers.solvers.orientation.proven import with_proven_attitude
 from workers.solvers.units import Units
 from workers.solvers.ways import NotReadyError, Way, on_way
 
@@ -186,12 +187,33 @@ def _solve_in(
     # The orientation is more columns on the same pieces.
     attitude = None if outputs.orientation is None else outputs.orientation.dense
     errors = errors_of(motion, attitude)
+    if has_proven_attitude(certified):
+        errors |= _errors_of_enclosed(enclosures, errors)
     require_promise(problem.accuracy, errors)
     summary = summarise(document, problem, motion, outputs, certified, errors)
     dense = motion.dense if attitude is None else attitude
     columns = _columns(problem, motion, dense)
     columns |= {name: part for name, part in enclosures.items() if name.partition(".")[0] in columns}
     return summary, dense, columns
+
+
+def _errors_of_enclosed(
+    enclosures: Mapping[str, FloatArray], errors: Mapping[str, GroupError]
+) -> dict[str, GroupError]:
+    """Return the errors of the samples of a proven attitude, which are the first parts of its enclosures."""
+    found = dict[str, GroupError]()
+    for group, names in {"quaternion": QUATERNION, "psi1": ("psi1",), "psi3": ("psi3",)}.items():
+        if group not in errors or not all(name in enclosures for name in names):
+            continue
+        # What a double leaves out, and half a unit of the decimal it is written as.
+        bounds = [
+            sum((np.abs(rows) for name, rows in enclosures.items() if name.startswith(f"{own}.")), 0.0)
+            + 0.5 * np.spacing(np.abs(enclosures[own]))
+            for own in names
+        ]
+        absolute = nextafter(float(np.max(bounds, initial=0.0)), inf)
+        found[group] = replace(errors[group], absolute=absolute)
+    return found
 
 
 def _refused(document: object, fault: DynamicsError) -> Refused:
@@ -361,7 +383,7 @@ def certified_samples(
     else:
         motion = solve(problem)
         if motion.aperiodic is None:
-            enclosed = _certify(problem, motion)
+            enclosed = _with_attitude(problem, motion, _certify(problem, motion))
             motion = _with_period_known(motion, enclosed, TIER_TOLERANCES["standard"])
         else:
             # What the reduction tells of it stays.
@@ -383,6 +405,16 @@ def certified_samples(
         enclosed,
         {**_enclosed_columns(enclosed.columns, rows, parts), **_times(enclosed, motion, parts)},
     )
+
+
+def _with_attitude(problem: Problem, motion: Motion, enclosed: Certified) -> Certified:
+    """Return the enclosures of a planar motion with its attitude if that is asked for and can be proven."""
+    if "orientation" not in problem.outputs or motion.window is None:
+        return enclosed
+    goes_round = motion.window.arcs[0].is_whole_loop
+    with suppress(CertifiedUnavailableError, MissingMomentError):
+        return with_proven_attitude(problem, *proven_start(problem), enclosed, goes_round=goes_round)
+    return enclosed
 
 
 def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:

@@ -16,6 +16,7 @@ from flint import arb, ctx
 from service.dynamics.accuracy import SMALLEST_TOLERANCE, GroupError, keeps
 from service.dynamics.bounds import is_within, largest
 from service.dynamics.classical.classification import relations_of
+from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import areas_integral
 from service.dynamics.equations.orientation import (
     PRECESSION,
@@ -52,7 +53,6 @@ from workers.solvers.stability.monodromy import StabilityUndefinedError
 from workers.solvers.stability.proven import (
     classical_stability,
     planar_stability,
-    proven_precession,
 )
 from workers.solvers.units import Units, speed_of, speed_of_state
 from workers.solvers.ways import is_plain
@@ -129,10 +129,7 @@ def compute_outputs(problem: Problem, motion: Motion, solved: InUnits) -> Output
     if "orientation" in problem.outputs:
         orientation = solved.units.orientation(_orientation(solved.problem, solved.motion))
         notices += [Notice("azimuth_undefined", text, "/outputs") for text in orientation.notices]
-        if orientation.precession is not None and solved.proven is not None:
-            about = orientation.precession.psi1.value, orientation.precession.psi3.value
-            start = proven_start(solved.problem)
-            precession = proven_precession(solved.problem, start, solved.proven, about)
+        precession = None if solved.proven is None else solved.proven.precession
     if "stability" in problem.outputs:
         try:
             assessed = _stability(solved.problem, solved.motion, solved.proven)
@@ -212,7 +209,10 @@ def _attitude(problem: Problem, motion: Motion) -> Orientation:
         from workers.solvers.orientation.by_doubles import advances_on  # noqa: PLC0415
 
         return with_orientation(motion, advances_on(problem.body, problem.motion))
-    return with_orientation(motion)
+    is_integrated = motion.function_kind == "difference"
+    return with_orientation(
+        motion, equations=Equations.of(problem.body, problem.potential) if is_integrated else None
+    )
 
 
 def _stability(problem: Problem, motion: Motion, proven: Certified | None) -> Stability:

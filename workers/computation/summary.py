@@ -10,6 +10,7 @@ from flint import arb
 from service.dynamics.accuracy import GroupError
 from service.dynamics.bounds import ErrorKind, printed_error
 from service.dynamics.discovery.cases import known_cases
+from service.dynamics.equations.orientation import LOCAL_QUATERNION
 from service.dynamics.formula.printer import format_tree
 from service.dynamics.motion import Asymptote, CrossCheck, Estimate, Motion
 from service.dynamics.numerics import NUMERICS
@@ -86,6 +87,11 @@ def summarise(
     }
 
 
+def has_proven_attitude(certified: Certified | None) -> bool:
+    """Tell whether the enclosures have the attitude."""
+    return certified is not None and LOCAL_QUATERNION[0] in certified.columns
+
+
 def error_kinds(motion: Motion, outputs: Outputs, certified: Certified | None) -> dict[str, ErrorKind]:
     """Return how each error of a solution is known, by the path of the number that it belongs to.
 
@@ -104,7 +110,7 @@ def error_kinds(motion: Motion, outputs: Outputs, certified: Certified | None) -
         numbers = {} if limit is None else {"time": limit.time, "rate": limit.rate}
         kinds |= {f"asymptotes.{name}.{key}": each.kind for key, each in numbers.items() if each is not None}
     if outputs.orientation is not None:
-        kinds["orientation"] = outputs.orientation.kind
+        kinds["orientation"] = "theorem" if has_proven_attitude(certified) else outputs.orientation.kind
         if (precession := outputs.orientation.precession) is not None:
             proven = outputs.precession is not None
             for name, angle in (("psi1", precession.psi1), ("psi3", precession.psi3)):

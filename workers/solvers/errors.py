@@ -147,7 +147,7 @@ def _advice(accepted: Mapping[str, str]) -> str:
             "times nearer to 0 may have smaller errors"
         )
     asked = " or ".join(f'{{"{name}": {text}}}' for name, text in accepted.items())
-    return f"ask for {asked} or more, or for times nearer to 0"
+    return f'ask for {asked} or more, for {{"tier": "certified"}}, or for times nearer to 0'
 
 
 def _rounded_up(number: float) -> str:

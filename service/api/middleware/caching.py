@@ -6,7 +6,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from service.api.replies.conditional import (
+from service.api.replies.responses import (
     NO_STORE,
     REVALIDATE,
     VOLATILE,

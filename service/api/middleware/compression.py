@@ -8,8 +8,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.formats.negotiation import Encoder, encoded, encoder, preferred_coding
-from service.api.replies.conditional import coded
-from service.api.replies.responses import PART_BYTES
+from service.api.replies.responses import PART_BYTES, coded
 from service.cache import Cache
 
 LEAST_BYTES = 1024

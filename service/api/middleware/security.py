@@ -14,8 +14,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
 from service.api.dependencies import Resources
-from service.api.keys.access import OPEN, OPTIONS, Access
-from service.api.keys.keyring import SECOND_LOOK_SECONDS
+from service.api.keys.access import OPEN, OPTIONS, SECOND_LOOK_SECONDS, Access
 from service.api.middleware.error_handlers import respond
 from service.api.middleware.observing import RATE
 from service.api.middleware.origins import check_length, check_origin

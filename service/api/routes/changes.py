@@ -12,10 +12,18 @@ from service.api.dependencies import Inside
 from service.api.descriptions import request_body
 from service.api.middleware.security import Holder, check_owner
 from service.api.queries.queries import without_query
-from service.api.replies.conditional import is_current, tag_of_content
 from service.api.replies.errors import ApiError
 from service.api.replies.records import job_out, solution_out, sweep_out
-from service.api.replies.responses import JobId, SolutionId, SweepId, json_content, json_response, refusals
+from service.api.replies.responses import (
+    JobId,
+    SolutionId,
+    SweepId,
+    is_current,
+    json_content,
+    json_response,
+    refusals,
+    tag_of_content,
+)
 from service.api.tagged import solution_tag
 from service.jobs.keys import ApiKey
 from service.jobs.records import Job, SweepRecord
@@ -27,8 +35,7 @@ from service.schemas.replies.job import JobOut
 from service.schemas.replies.response_model import ResponseModel
 from service.schemas.replies.solution import SolutionOut
 from service.schemas.replies.sweep import SweepOut
-from service.storage.solutions.solution_store import Solution
-from service.storage.solutions.standing import standing_of
+from service.storage.solutions.solution_store import Solution, standing_of
 from service.storage.sweeps.deleting import delete_job as remove_job
 from service.storage.sweeps.deleting import delete_solution as remove_solution
 from service.storage.sweeps.deleting import delete_sweep as remove_sweep

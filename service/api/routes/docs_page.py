@@ -7,7 +7,7 @@ from pathlib import Path
 from fastapi import APIRouter, Response
 
 from service.api.queries.queries import without_query
-from service.api.replies.conditional import tag_of_content
+from service.api.replies.responses import tag_of_content
 from service.dashboard.routes import HEADERS
 
 router = APIRouter(prefix="/docs", include_in_schema=False)

@@ -18,13 +18,14 @@ from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.heavy_answers import listed, read_list, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import PageQuery
-from service.api.queries.prefer import Prefer, wait_seconds
 from service.api.queries.queries import (
     Asked,
+    Prefer,
     QueryModel,
     asked_of,
     query_of,
     query_parameters,
+    wait_seconds,
     without_query,
 )
 from service.api.queueing import Made, SubmissionTerms, queue

@@ -13,8 +13,14 @@ from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key
 from service.api.middleware.heavy_answers import heavy, while_connected
 from service.api.middleware.security import Holder, check_priority
-from service.api.queries.prefer import PreferJob, wait_seconds, wants_job
-from service.api.queries.queries import query_of, query_parameters, without_query
+from service.api.queries.queries import (
+    PreferJob,
+    query_of,
+    query_parameters,
+    wait_seconds,
+    wants_job,
+    without_query,
+)
 from service.api.queueing import SubmissionTerms, queue_result
 from service.api.replies.records import job_out
 from service.api.replies.responses import JobId, json_response, refusals

@@ -20,8 +20,7 @@ from service.api.verdicts.verdict_queue import Examination as Call
 from service.cache import Cache
 from service.dynamics.accuracy import AccuracyTable
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.problem.budgets import choose_tier, with_tier
-from service.schemas.problem.problem import check_problem, problem_digest
+from service.schemas.problem.problem import check_problem, choose_tier, problem_digest, with_tier
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
 from service.schemas.reading.documents import Document, Fault, Part

@@ -1,5 +1,5 @@
 // Many rows at once: which are chosen, what is done with each, and what became of it.
-import { $, download, during, fill, get, h, onceKey, post, request, say } from "./core.js";
+import { $, download, during, fill, get, h, onceKey, post, request, say, STUDIES } from "./core.js";
 
 const TOGETHER = 4;
 const LIVE = ["queued", "running"];
@@ -106,25 +106,30 @@ async function each(items, done, work, renew) {
   say(outcome);
 }
 
+/** The path of the resource that a list shows. */
+const pathOf = (name) => `v1/${name === "studies" ? "jobs" : name}`;
+
 /** Ask whether some rows shall be deleted. */
 function mayDelete(name, { length }) {
   const dialog = $("delete-dialog");
-  $("delete-what").textContent = `${length.toLocaleString("en")} ${length === 1 ? name.slice(0, -1) : name} will be deleted from the database, with all that belongs to ${length === 1 ? "it" : "them"}.`;
+  $("delete-what").textContent = `${length.toLocaleString("en")} ${length > 1 ? name : name === "studies" ? "study" : name.slice(0, -1)} will be deleted from the database, with all that belongs to ${length === 1 ? "it" : "them"}.`;
   dialog.returnValue = "cancel";
   dialog.showModal();
   return new Promise((resolve) => dialog.addEventListener("close", () => resolve(dialog.returnValue === "delete"), { once: true }));
 }
 
-/** Send the problem or the sweep of a row once more, as new work. */
+/** Send the problem, the question or the sweep of a row once more, as new work. */
 async function again(name, { id, problem, labels, note }) {
   const document = name === "sweeps" ? (await get(`v1/sweeps/${id}`)).document : problem;
-  await post(`v1/${name}`, { ...document, labels, ...(note ? { note } : {}) }, { headers: { "Idempotency-Key": onceKey() } });
+  const { what, ...question } = document;
+  if (name === "studies") await post(`v1/${STUDIES[what]}`, question, { headers: { Prefer: "respond-async", "Idempotency-Key": onceKey() } });
+  else await post(pathOf(name), { ...document, labels, ...(note ? { note } : {}) }, { headers: { "Idempotency-Key": onceKey() } });
 }
 
 /** Delete a row; one that is gone already is no failure. */
 async function remove(name, { id }) {
   try {
-    await request(`v1/${name}/${id}`, { method: "DELETE" });
+    await request(`${pathOf(name)}/${id}`, { method: "DELETE" });
   } catch (error) {
     if (error.status !== 404) throw error;
   }
@@ -135,16 +140,16 @@ const isLive = ({ state }) => LIVE.includes(state);
 
 /** Return what a list can do with rows: the name of each button, for which rows it is there, and what it does. */
 const actionsOf = (name, renew) => [
-  name !== "sweeps" && { id: "act-compare", label: "Compare", fits: (items) => items.length > 1 && items.length <= MOST_COMPARED && items.every((item) => solutionOf(name, item)),
+  !["sweeps", "studies"].includes(name) && { id: "act-compare", label: "Compare", fits: (items) => items.length > 1 && items.length <= MOST_COMPARED && items.every((item) => solutionOf(name, item)),
     act: (items) => {
       const [first, ...others] = items.map((item) => solutionOf(name, item));
       location.href = `./solution?${new URLSearchParams([["id", first], ...others.map((id) => ["with", id])])}#compare-section`;
     } },
   name !== "solutions" && { id: "act-cancel", label: "Cancel", fits: (items) => items.some(isLive),
-    act: (items) => each(items.filter(isLive), "cancelled", ({ id }) => request(`v1/${name}/${id}/cancel`, { method: "POST" }), renew) },
-  name !== "solutions" && { id: "act-again", label: "Solve again", fits: (items) => items.length && !items.some(isLive), act: (items) => each(items, "sent again", (item) => again(name, item), renew) },
+    act: (items) => each(items.filter(isLive), "cancelled", ({ id }) => request(`${pathOf(name)}/${id}/cancel`, { method: "POST" }), renew) },
+  name !== "solutions" && { id: "act-again", label: name === "studies" ? "Ask again" : "Solve again", fits: (items) => items.length && !items.some(isLive), act: (items) => each(items, "sent again", (item) => again(name, item), renew) },
   { id: "act-csv", label: "Download as CSV", fits: (items) => items.length && items.length <= MOST_NAMED,
-    act: (items) => download(`v1/${name}?${new URLSearchParams({ format: "csv", where: `id in (${items.map(({ id }) => id).join(",")})` })}`, `${name}.csv`) },
+    act: (items) => download(`${pathOf(name)}?${new URLSearchParams({ format: "csv", ...(name === "studies" ? { kind: "study" } : {}), where: `id in (${items.map(({ id }) => id).join(",")})` })}`, `${name}.csv`) },
   { id: "act-delete", label: "Delete…", fits: (items) => items.length && !items.some(isLive),
     act: async (items) => { if (await mayDelete(name, items)) await each(items, "deleted", (item) => remove(name, item), renew); } },
 ].filter(Boolean);
@@ -160,7 +165,7 @@ export function listen(name, renew) {
   const act = (make) => async () => {
     const patch = make();
     $("bulk-outcome").textContent = chosen.size ? "" : "Choose some rows first.";
-    if (chosen.size) await each(chosen.values(), "changed", (item) => change(`v1/${name}/${item.id}`, item, patch), renew);
+    if (chosen.size) await each(chosen.values(), "changed", (item) => change(`${pathOf(name)}/${item.id}`, item, patch), renew);
   };
   const needsKey = (work) => () => {
     if (elements.key.reportValidity()) work();

@@ -232,7 +232,7 @@ export function ago(instant) {
 /** Return what a potential is, in a line, without the numbers that vary: those at ``pointers``. */
 export function potentialText(potential, pointers = []) {
   const isFixed = (path) => !pointers.includes(`/potential/${path}`);
-  const known = Object.entries(potential.parameters || {}).filter(([name]) => isFixed(`parameters/${name}`)).map(([name, value]) => `${name} = ${value}`);
+  const known = Object.entries(potential.parameters || {}).filter(([name]) => isFixed(`parameters/${name}`)).map(([name, value]) => (value === null ? name : `${name} = ${value}`));
   if (potential.type === "expression") return [potential.expression, ...known].join(",  ");
   const parts = Object.entries(potential).filter(([name]) => !["type", "parameters"].includes(name) && isFixed(name))
     .map(([name, value]) => `${name} = ${Array.isArray(value) ? `[${value.map((part, k) => (isFixed(`${name}/${k}`) ? part : "…")).join(", ")}]` : value}`);
@@ -329,10 +329,31 @@ export function exportable(place, { moves = false } = {}) {
   figure.append(host, menu);
 }
 
+/** Return the name of a known case or integral for people. */
+export const personText = (name) => name.split("_").map((word) => word[0].toUpperCase() + word.slice(1)).join(" and ");
+
 /** Return a line with the cases that a problem is, by their names; `null` if it is none. */
 export function knownCases(known) {
   if (!known?.length) return null;
-  return h("p", { class: "hint" }, `Known: ${known.map(({ name, source }) => `the case of ${name.split("_").map((word) => word[0].toUpperCase() + word.slice(1)).join(" and ")} (${source})`).join(", ")}.`);
+  return h("p", { class: "hint" }, `Known: ${known.map(({ name, source }) => `the case of ${personText(name)} (${source})`).join(", ")}.`);
+}
+
+/** The path of each kind of question. */
+export const STUDIES = { integral: "integrals", integrals: "integrals/searches", potentials: "potentials/searches", numbers: "searches" };
+
+/** Return what the answer to a question is, in some words. */
+export function answerText({ verdict, integrals, special, dimension, solutions, rest }) {
+  if (verdict) return verdict.replaceAll("_", " ");
+  if (integrals) return `${integrals.length} integrals, ${special.length} special cases`;
+  return solutions ? `${solutions.length} solutions${rest === "proved_empty" ? ", no others" : ""}` : `${dimension} potentials`;
+}
+
+/** Return what a question is, in a line. */
+export function studyText({ what, potential, degree, body, base, unknowns, wanted, relation, function: asked }) {
+  if (what === "integral") return `${relation ? "does this stay 0:" : "is this an integral:"} ${asked}`;
+  if (what === "integrals") return `integrals to degree ${degree.omega} in ω, ${degree.gamma} in γ: ${potentialText(potential)}`;
+  if (what === "potentials") return `potentials to degree ${degree}, ${bodyText(body ?? {}) || "every A/C"}`;
+  return `${listed(wanted.map(({ of, equals }) => `${of} = ${equals}`))} over ${listed(unknowns.map(({ pointer }) => nameOf(pointer)))}: ${potentialText(base.potential)}`;
 }
 
 // On narrow screens the names of the pages stand in one line that scrolls.

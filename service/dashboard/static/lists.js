@@ -1,5 +1,5 @@
-// Solutions, jobs and sweeps as tables; the address holds the question, so it can be sent to others.
-import { $, ago, asked, download, during, fill, get, h, measured, motionText, number, potentialText, refill, Refusal, request, run, say } from "./core.js";
+// Solutions, jobs, studies and sweeps as tables; the address holds the question, so it can be sent to others.
+import { $, ago, answerText, asked, download, during, fill, get, h, measured, motionText, number, potentialText, refill, Refusal, request, run, say, studyText } from "./core.js";
 import { allBox, boxOf, labelsOf, listen, refused, settled } from "./chosen.js";
 import { follow } from "./follow.js";
 
@@ -32,6 +32,13 @@ const JOBS = {
   orders: { created_at: "oldest first", "-seconds": "slowest", seconds: "fastest", "-attempt": "most attempts", "state,-created_at": "by state" },
   columns: [STATE, POTENTIAL((one) => one.solution && `./solution?id=${one.solution}`), MOTION, ["What happened", "error.code", what], ["Attempts", "attempt", attempts], WHEN, CANCEL],
 };
+const STUDIES = {
+  example: "state in (failed, cancelled), created_at>=2026-01-01",
+  facets: [],
+  orders: { created_at: "oldest first", "-seconds": "slowest", "-attempt": "most attempts", "state,-created_at": "by state" },
+  columns: [STATE, ["Question", null, (one) => link(`./study?id=${one.id}`, h("span", { class: "formula" }, studyText(one.problem)))],
+    ["What happened", "error.code", what], ["Attempts", "attempt", attempts], WHEN, CANCEL],
+};
 const SWEEPS = {
   example: "points>=1000, state in (running, succeeded)",
   facets: [],
@@ -39,7 +46,9 @@ const SWEEPS = {
   columns: [STATE, ["Sweep", "family", (one) => sweepLink(one)], ["Points", "points", (one) => one.points.toLocaleString("en")],
     ["Refused", "refused", (one) => one.refused.toLocaleString("en")], ["Progress", "done", (one) => h("progress", { max: 1, value: one.progress, "aria-label": "Progress" })], WHEN, CANCEL],
 };
-const [name, kind] = { "/jobs": ["jobs", JOBS], "/sweeps": ["sweeps", SWEEPS] }[new URL(location).pathname.replace(/^.*(?=\/)/, "")] ?? ["solutions", SOLUTIONS];
+const [list, kind] = { "/jobs": ["jobs", JOBS], "/studies": ["studies", STUDIES], "/sweeps": ["sweeps", SWEEPS] }[new URL(location).pathname.replace(/^.*(?=\/)/, "")] ?? ["solutions", SOLUTIONS];
+const name = list === "studies" ? "jobs" : list; // of the resource
+const ofKind = list === "studies" ? { kind: "study" } : {};
 const { sweepLink } = name === "sweeps" ? await import("./sweeps.js") : {};
 
 /** The codes of failures that say little by themselves. */
@@ -57,6 +66,7 @@ function what(job) {
   }
   if (job.state === "running") return h("progress", { max: 1, value: job.progress, "aria-label": "Progress" });
   if (job.state === "queued") return "waits for a worker";
+  if (job.result) return answerText(job.result);
   return job.reused ? "had been solved before" : "";
 }
 
@@ -126,7 +136,7 @@ let next = null;
 
 const query = () => {
   const found = asked();
-  const sent = new URLSearchParams({ limit: String(LIMIT) });
+  const sent = new URLSearchParams({ limit: String(LIMIT), ...ofKind });
   for (const part of ["where", "order", "after"]) if (found.get(part)) sent.set(part, found.get(part));
   return sent;
 };
@@ -206,6 +216,7 @@ function tellFaults(where, order) {
 /** The head of a column: a click sorts by it, another one the other way; with Shift it is one more column to sort by. */
 function head([title, fact]) {
   if (!title) return h("td", {});
+  if (!fact) return h("th", { scope: "col" }, title);
   const order = (asked().get("order") ?? "").split(",").map((part) => part.trim()).filter(Boolean);
   const place = order.findIndex((part) => part.replace("-", "") === fact);
   const [isSorted, isDown] = [place >= 0, order[place]?.startsWith("-")];
@@ -254,7 +265,7 @@ async function renew() {
     const items = await show();
     if (items !== null) {
       await facets(items);
-      say(`${items.length} ${name}`);
+      say(`${items.length} ${list}`);
     }
     return items;
   } finally {
@@ -266,11 +277,11 @@ async function renew() {
 fill($("orders"), Object.entries(kind.orders).map(([order, words]) => h("option", { value: order }, words)));
 Object.assign($("where"), { placeholder: kind.example });
 Object.assign($("order"), { placeholder: "-created_at" });
-listen(name, renew);
+listen(list, renew);
 $("all-csv").addEventListener("click", () => {
-  const sent = new URLSearchParams({ format: "csv" });
+  const sent = new URLSearchParams({ format: "csv", ...ofKind });
   for (const part of ["where", "order"]) if (asked().get(part)) sent.set(part, asked().get(part));
-  download(`v1/${name}?${sent}`, `${name}.csv`).catch((error) => tellFaults(error.message, ""));
+  download(`v1/${name}?${sent}`, `${list}.csv`).catch((error) => tellFaults(error.message, ""));
 });
 $("asking").addEventListener("submit", (event) => {
   event.preventDefault();

@@ -18,7 +18,7 @@ export async function solved(problem) {
 export const whyNot = (job) => (job.error ? `${job.error.title ?? String(job.error.code ?? "failed").replaceAll("_", " ")}: ${job.error.detail ?? ""}` : job.state);
 
 /** Put a value where a pointer (RFC 6901) points to. */
-function put(document, pointer, value) {
+export function put(document, pointer, value) {
   const parts = pointer.split("/").slice(1).map((part) => part.replaceAll("~1", "/").replaceAll("~0", "~"));
   const last = parts.pop();
   parts.reduce((place, part) => place[part], document)[last] = value;

@@ -17,9 +17,9 @@ from service.dynamics.classical.errors import NearSeparatrixError
 from service.dynamics.classical.protocol import Coefficients, Number, Reduced, State, divided, value
 from service.dynamics.formula.algebras.ball import ball
 
-CASE_BITS = 256
-"""Precision of the numbers of a case: 77 digits, of which roots and quotients lose some."""
-ROOT_BITS = 220
+CASE_BITS = 512
+"""Precision of the numbers of a case: 154 digits, of which roots and quotients lose some."""
+ROOT_BITS = 476
 """Bits to which the ends are known."""
 PERIOD_RELATIVE_CHANGE = arb(2) ** -100
 """Change of the period, relative, at which its sum has converged."""

@@ -26,7 +26,7 @@ RELATION_RELATIVE_ROUNDING = Fraction(1, 10**15)
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """A state in the client's axes, 77 digits of it."""
+    """A state in the client's axes, 154 digits of it."""
 
     omega: tuple[Fraction, Fraction, Fraction]
     gamma: tuple[Fraction, Fraction, Fraction]

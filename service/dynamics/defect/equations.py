@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.discs import Disc, DiscAlgebra
-from service.dynamics.formula.algebras.interval_bounds import ARITHMETIC, widened
+from service.dynamics.formula.algebras.interval_bounds import OPERATION_ROUNDING, widened
 from service.dynamics.formula.algebras.intervals import IntervalAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.algebras.real import RealAlgebra
@@ -48,27 +48,33 @@ def rates_at(
 
     A moment B that was left out matters for q' alone; it is taken as A + C, the largest there is.
     """
-    p, q, r, g1, g2, g3 = state
-    V1, V2, V3 = gradient
     A, B, C = _moments(body)
+    differences = [algebra.constant(each) if each else None for each in (B - C, C - A, A - B)]
+    return rates_with(algebra, [algebra.constant(each) for each in (A, B, C)], differences, state, gradient)
 
-    def cross(a: T, b: T, c: T, d: T) -> T:
-        return algebra.subtract(algebra.multiply(a, b), algebra.multiply(c, d))
 
-    def accelerated(difference: Fraction, x: T, y: T, torque: T, moment: Fraction) -> T:
-        if difference != 0:
-            gyroscopic = algebra.multiply(algebra.constant(difference), algebra.multiply(x, y))
-            torque = algebra.add(gyroscopic, torque)
-        return algebra.divide(torque, algebra.constant(moment))
+def rates_with(
+    algebra: Algebra[T],
+    moments: Sequence[T],
+    differences: Sequence[T | None],
+    state: Sequence[T],
+    gradient: Sequence[T],
+) -> tuple[T, ...]:
+    """Return the same for moments that are any elements; B - C, C - A, A - B are None where they are 0."""
+    times, minus = algebra.multiply, algebra.subtract
+    omega, gamma = state[:3], state[3:6]
+    turns = ((1, 2), (2, 0), (0, 1))
 
-    return (
-        accelerated(B - C, q, r, cross(g2, V3, g3, V2), A),
-        accelerated(C - A, p, r, cross(g3, V1, g1, V3), B),
-        accelerated(A - B, p, q, cross(g1, V2, g2, V1), C),
-        cross(r, g2, q, g3),
-        cross(p, g3, r, g1),
-        cross(q, g1, p, g2),
-    )
+    def cross(x: Sequence[T], y: Sequence[T], j: int, k: int) -> T:
+        return minus(times(x[j], y[k]), times(x[k], y[j]))
+
+    rates: list[T] = []
+    for (j, k), moment, difference in zip(turns, moments, differences, strict=True):
+        torque = cross(gamma, gradient, j, k)
+        if difference is not None:
+            torque = algebra.add(times(difference, times(omega[j], omega[k])), torque)
+        rates.append(algebra.divide(torque, moment))
+    return (*rates, *(cross(gamma, omega, j, k) for j, k in turns))
 
 
 def integrals_at(algebra: Algebra[T], body: RigidBody, state: Sequence[T], value: T) -> Integrals[T]:
@@ -157,7 +163,7 @@ class Equations:
         state = _discs(centres, radii)
         value = self._formula().evaluate(DiscAlgebra(), state[3:])
         if not np.isfinite(value.radius).all():
-            spread = self.value_spread(centres[3:], radii[3:]) + ARITHMETIC * np.abs(value.centre)
+            spread = self.value_spread(centres[3:], radii[3:]) + OPERATION_ROUNDING * np.abs(value.centre)
             value = Disc(value.centre, np.where(np.isfinite(value.radius), value.radius, spread))
         found: Integrals[Disc] = integrals_at(DiscAlgebra(), self.body, state, value)
         parts = (found.energy, found.areas, found.geometric)
@@ -171,7 +177,8 @@ class Equations:
         """Return by how much V varies over real boxes at most, shapes (3, n) and (n,); NaN if not known."""
         algebra = IntervalAlgebra(())
         sides = [
-            algebra.interval(*widened(c - r, c + r, ARITHMETIC)) for c, r in zip(centres, radii, strict=True)
+            algebra.interval(*widened(c - r, c + r, OPERATION_ROUNDING))
+            for c, r in zip(centres, radii, strict=True)
         ]
         lo, hi = algebra.bounds(self._formula().evaluate(algebra, sides))
         return np.broadcast_to(hi - lo, centres.shape[1:])

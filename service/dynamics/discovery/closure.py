@@ -17,7 +17,7 @@ from flint import arb, fmpz_mpoly
 from service.dynamics.discovery.functions import ORDER, Functions, Quotient, SolvedRelation
 from service.dynamics.discovery.outcomes import EmptyRelationsError
 from service.dynamics.discovery.setting import STATE
-from service.dynamics.discovery.strata import by_powers
+from service.dynamics.discovery.strata import by_powers, evaluated, root_modulo
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.potentials.terms.bound_formula import MOMENTS
 from service.dynamics.verdict.exact_ring.layout import NoProofError
@@ -78,7 +78,7 @@ def closure_of(
         added: list[fmpz_mpoly] = []
         for each in found:
             rate = field.along(field.polynomial_gradient(each.polynomial), rates)
-            rest = _essential(field, field.reduced(rate.numerator, found))
+            rest = essential(field, field.reduced(rate.numerator, found))
             if rest:
                 added.append(rest)
         if not added:
@@ -104,7 +104,8 @@ def _closed(field: Functions, found: Sequence[SolvedRelation]) -> Closure:
 def _triangular(
     field: Functions, polynomials: Sequence[fmpz_mpoly], is_late: Callable[[], bool]
 ) -> list[SolvedRelation]:
-    waiting = [each for each in polynomials if each]
+    # p² = 0 is p = 0: with the square-free part all that is 0 on the motions is reduced to 0.
+    waiting = [essential(field, each) for each in polynomials if each]
     while True:
         if is_late() or len(waiting) > MAX_RELATIONS:
             raise NoProofError("the relations imply too many others")
@@ -115,9 +116,7 @@ def _triangular(
                 basic.append(each)
         chosen = [each.polynomial for each in basic]
         rests = [
-            _essential(field, field.reduced(each.polynomial, basic))
-            for each in relations
-            if each not in basic
+            essential(field, field.reduced(each.polynomial, basic)) for each in relations if each not in basic
         ]
         rests = [rest for rest in rests if rest]
         if not rests:
@@ -141,7 +140,7 @@ def _rank(relation: SolvedRelation) -> tuple[int, int, int]:
     return (-relation.index, relation.degree, len(relation.polynomial))
 
 
-def _essential(field: Functions, polynomial: fmpz_mpoly) -> fmpz_mpoly:
+def essential(field: Functions, polynomial: fmpz_mpoly) -> fmpz_mpoly:
     """Return the product of the different factors that have variables in them: letters are any numbers."""
     if not polynomial or polynomial.is_constant():
         return polynomial
@@ -242,9 +241,24 @@ def exact_value(field: Functions, polynomial: fmpz_mpoly | None, values: State) 
         term = Fraction(int(coefficient))
         for name, exponent in zip(field.ring.names(), exponents, strict=True):
             if exponent:
-                value = values[name]
+                value = values.get(name)  # none of π
                 if not isinstance(value, Fraction):
                     return None
                 term *= value ** int(exponent)
         total += term
     return total
+
+
+def point_modulo(
+    field: Functions, closure: Closure, letters: Sequence[int], numbers: Iterator[int]
+) -> list[int] | None:
+    """Return values of all generators on a closure modulo a prime; None if a relation has no root there."""
+    values = [*(next(numbers) for _ in range(field.first_letter)), *letters]
+    # Lesser variables have greater indices.
+    for each in sorted(closure.relations, key=lambda each: -each.index):
+        parts = by_powers(each.polynomial, each.index)
+        root = root_modulo([evaluated(parts[k], values) if k in parts else 0 for k in range(each.degree + 1)])
+        if root is None:
+            return None
+        values[each.index] = root
+    return values

@@ -6,7 +6,8 @@ has a value: an element whose numerator is reduced to 0 *is* 0 there. The conver
 formula divides by what is 0 all over the sphere.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from math import comb, lcm
@@ -14,10 +15,13 @@ from typing import TypeVar
 
 from flint import Ordering, arb, fmpz_mpoly, fmpz_mpoly_ctx
 
-from service.dynamics.discovery.outcomes import UndefinedFunctionError
-from service.dynamics.discovery.setting import STATE, VELOCITIES, LetteredSetting
+from service.dynamics.defect.equations import rates_with
+from service.dynamics.discovery.outcomes import TooManyTermsError, UndefinedFunctionError
+from service.dynamics.discovery.setting import POTENTIAL_POINTER, STATE, VELOCITIES, LetteredSetting
 from service.dynamics.discovery.strata import Letters, by_powers, coefficients
+from service.dynamics.errors import ImpossibleInertiaError
 from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.parameters import PI
 from service.dynamics.formula.tape import Tape
@@ -30,6 +34,10 @@ ORDER = ("r", "q", "p", "g3", "g2", "g1")
 """The variables, the greatest first: a relation is solved for the greatest in it. Atoms are greater."""
 MAX_TERMS = 20_000
 """Terms of a polynomial on the way, beyond which nothing is proved."""
+MAX_DEGREE = 10_000
+"""Exponents of powers beyond which nothing is proved: exact numbers of states are raised to them."""
+MAX_POWER_BITS = 1 << 20
+"""Bits of the coefficients of powers, beyond which nothing is proved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +67,7 @@ class Functions:
     """The field of rational functions of one question; an algebra for tapes, without derivatives."""
 
     def __init__(self, setting: LetteredSetting, tapes: Iterable[Tape]) -> None:
-        tapes = list(tapes)
+        tapes = [*tapes, *map(setting.tape, setting.moments)]
         atoms, powers, constants = 0, [1], dict[str, None]()
         for tape in tapes:
             for each in tape.instructions:
@@ -131,8 +139,12 @@ class Functions:
         if exponent < 0:
             return self.divide(self.constant(Fraction(1)), self.power(base, -exponent))
         n = exponent.numerator
-        size = max(len(base.numerator), len(base.denominator))
-        # A power of a sum of s terms has at most so many.
+        parts = (base.numerator, base.denominator)
+        size, degree = max(map(len, parts)), max(int(each.total_degree()) for each in parts)
+        bits = max((int(c).bit_length() for each in parts for c in each.coeffs()), default=0)
+        # A number 1 has powers of one bit; of a sum of s terms they have at most so many as a product has.
+        if degree * n > MAX_DEGREE or (bits > 1 and bits * n > MAX_POWER_BITS):
+            raise NoProofError("a power larger than proofs handle")
         _require_room(comb(size + n - 1, n) if size > 1 else 1)
         return Quotient(base.numerator**n, base.denominator**n)
 
@@ -227,6 +239,32 @@ class Functions:
         """Return the function of a tape over the state and the letters."""
         return tape.evaluate(self, self.inputs)
 
+    def read(self, tape: Tape, pointer: str) -> Quotient:
+        """Return the same of a formula that was sent; what has no exact form is refused at ``pointer``."""
+        try:
+            return self.value(tape)
+        except NoProofError as error:
+            detail = (
+                f"a formula with {error}: at most {MAX_TERMS} terms when it is multiplied out, and degrees"
+            )
+            raise TooManyTermsError(f"{detail} up to {MAX_DEGREE}, are accepted", pointer=pointer) from error
+        except UndefinedFunctionError as error:
+            raise UndefinedFunctionError(error.message, pointer=pointer) from error
+
+    def require_setting(self) -> None:
+        """Refuse a potential without a value, and moments that are not positive for any letters."""
+        setting, at = self.setting, (0,) * self.first_letter
+        with suppress(TooManyTermsError):
+            self.read(setting.tape(setting.potential), POTENTIAL_POINTER)
+        for name, each in zip(MOMENTS, setting.moments, strict=True):
+            with suppress(TooManyTermsError):
+                value = self.read(setting.tape(each), f"/body/{name}")
+                parts = [self.split(part).get(at) for part in (value.numerator, value.denominator)]
+                signs = [0 if part is None else self.letters.sign(part) for part in parts]
+                if not value.numerator or signs[0] * signs[1] < 0:
+                    reason = f"{name} = {self.quotient_text(value)} is positive for no values of the letters"
+                    raise ImpossibleInertiaError(reason, pointer=f"/body/{name}")
+
     def gradient(self, tape: Tape) -> tuple[Quotient, ...]:
         """Return the derivatives along p, q, r, g1, g2, g3."""
         jets = FirstOrderJets(self, len(STATE))
@@ -236,9 +274,12 @@ class Functions:
 
     def rates(self) -> tuple[Quotient, ...]:
         """Return dp/dt, ..., dg3/dt by the Euler-Poisson equations."""
-        moments = [self.value(self.setting.tape(each)) for each in self.setting.moments]
         slopes = self.gradient(self.setting.tape(self.setting.potential))
-        return equations_of_motion(self, moments, self.inputs, slopes)
+        return equations_of_motion(self, self.moments(), self.inputs, slopes)
+
+    def moments(self) -> list[Quotient]:
+        """Return A, B, C; raises NoProofError."""
+        return [self.value(self.setting.tape(each)) for each in self.setting.moments]
 
     def polynomial_gradient(self, polynomial: fmpz_mpoly) -> list[Quotient]:
         """Return the derivatives of a polynomial without atoms along p, ..., g3."""
@@ -262,13 +303,13 @@ class Functions:
 
     def enclosed(self, polynomial: fmpz_mpoly, values: Mapping[str, arb]) -> arb:
         """Return the value of a polynomial without atoms at enclosed variables and letters."""
-        names = [*ORDER, *self.setting.letters]
+        names = self.ring.names()[self.atoms :]
         total = arb(0)
         for exponents, coefficient in polynomial.terms():
             term = arb(int(coefficient))
-            for name, exponent in zip(names, exponents[self.atoms :], strict=False):
+            for name, exponent in zip(names, exponents[self.atoms :], strict=True):
                 if exponent:
-                    term *= values[name] ** int(exponent)
+                    term *= (arb.pi() if name == PI else values[name]) ** int(exponent)
             total += term
         return total
 
@@ -303,22 +344,45 @@ class Functions:
         return f"{top}/{below}" if value.denominator.is_constant() else f"{top}/({below})"
 
 
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A function, with what judges it: the exact field, and tapes for enclosures."""
+
+    field: Functions
+    tape: Tape
+    is_late: Callable[[], bool]
+
+    def rate(self) -> Quotient:
+        """Return dI/dt; raises NoProofError where it is too large."""
+        return self.field.along(self.field.gradient(self.tape), self.field.rates())
+
+    def rate_ball(self, values: Mapping[str, arb]) -> arb:
+        """Return an enclosure of dI/dt at an enclosed state, at the current precision."""
+        balls, setting = BallAlgebra(), self.field.setting
+        inputs = [values[name] for name in (*STATE, *setting.letters)]
+        moments = [setting.tape(each).evaluate(balls, inputs) for each in setting.moments]
+        slopes = gradient_balls(setting.tape(setting.potential), inputs)
+        rates = equations_of_motion(balls, moments, inputs, slopes)
+        total = arb(0)
+        for slope, rate in zip(gradient_balls(self.tape, inputs), rates, strict=True):
+            total += slope * rate
+        return total
+
+
+def gradient_balls(tape: Tape, inputs: Sequence[arb]) -> tuple[arb, ...]:
+    """Return enclosures of the derivatives of a function along p, q, r, g1, g2, g3."""
+    jets = FirstOrderJets(BallAlgebra(), len(STATE))
+    letters = [jets.seed(x, [None] * len(STATE)) for x in inputs[len(STATE) :]]
+    return jets.gradient(tape.evaluate(jets, [*jets.variables(inputs[: len(STATE)]), *letters]))
+
+
 def equations_of_motion(
     field: Algebra[T], moments: Sequence[T], state: Sequence[T], gradient: Sequence[T]
 ) -> tuple[T, ...]:
     """Return the derivatives of p, ..., g3 in time; ``gradient`` has those of V along g1, g2, g3 last."""
-    times, minus = field.multiply, field.subtract
-    omega, gamma, slopes = state[:3], state[3:6], gradient[3:]
-    found: list[T] = []
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        gyroscopic = times(minus(moments[j], moments[k]), times(omega[j], omega[k]))
-        torque = minus(times(gamma[j], slopes[k]), times(gamma[k], slopes[j]))
-        found.append(field.divide(field.add(gyroscopic, torque), moments[i]))
-    for i in range(3):
-        j, k = (i + 1) % 3, (i + 2) % 3
-        found.append(minus(times(omega[k], gamma[j]), times(omega[j], gamma[k])))
-    return tuple(found)
+    A, B, C = moments
+    differences = [field.subtract(x, y) for x, y in ((B, C), (C, A), (A, B))]
+    return rates_with(field, moments, differences, state, gradient[3:])
 
 
 def pseudo_remainder(polynomial: fmpz_mpoly, relation: SolvedRelation) -> fmpz_mpoly:
@@ -344,6 +408,7 @@ def pseudo_remainder(polynomial: fmpz_mpoly, relation: SolvedRelation) -> fmpz_m
             for power, part in tails.items():
                 place = top - degree + power
                 parts[place] = parts.get(place, zero) - lead * part
+            _require_room(sum(map(len, parts.values())))
         top -= 1
     rest = sum((part * x**power for power, part in parts.items()), zero)
     return rest.primitive()[1] if rest else rest

@@ -12,6 +12,7 @@ new if the gradients of those before and its own are independent at a random poi
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 from flint import fmpz_mpoly, nmod_mat
@@ -27,7 +28,7 @@ from service.dynamics.discovery.outcomes import (
     SearchTooLargeError,
     SpecialIntegrals,
 )
-from service.dynamics.discovery.setting import STATE, LetteredSetting
+from service.dynamics.discovery.setting import POTENTIAL_POINTER, STATE, LetteredSetting
 from service.dynamics.discovery.strata import (
     EVERYWHERE,
     Letters,
@@ -41,6 +42,7 @@ from service.dynamics.discovery.strata import (
 )
 from service.dynamics.formula.tree import VARIABLES
 from service.dynamics.potentials.terms.bound_formula import MOMENTS
+from service.dynamics.verdict.exact_ring.layout import NoProofError
 
 MAX_UNKNOWNS = 3000
 """Coefficients of one search."""
@@ -141,12 +143,14 @@ def search_integrals(
     ------
     NotPolynomialError
         The potential is no polynomial in g1, g2, g3.
+    TooManyTermsError, UndefinedFunctionError
+        The potential is too large, or has no value.
     SearchTooLargeError
         More unknowns than are solved for.
     TimeoutError
         It was late before those for all values of the letters were found.
     """
-    search = _Search.of(setting, omega_degree, gamma_degree, areas_zero)
+    search = _Search.of(setting, omega_degree, gamma_degree, areas_zero, is_late)
     generic = search.integrals_on(EVERYWHERE, is_late)
     strata, is_complete = list[Stratum](), True
     for block in search.blocks if search.letters.ring.nvars() else ():
@@ -182,7 +186,12 @@ class _Search:
 
     @classmethod
     def of(
-        cls, setting: LetteredSetting, omega_degree: int, gamma_degree: int, has_zero_areas: bool
+        cls,
+        setting: LetteredSetting,
+        omega_degree: int,
+        gamma_degree: int,
+        has_zero_areas: bool,
+        is_late: Callable[[], bool],
     ) -> "_Search":
         tape = setting.tape(setting.potential)
         field_ = Functions(setting, [tape])
@@ -198,6 +207,8 @@ class _Search:
             )
         rows: dict[Monomial, Row] = {}
         for column, monomial in enumerate(monomials):
+            if is_late():
+                raise TimeoutError
             for other, value in equations.of(monomial):
                 for each, factor in forms.of(other).items():
                     row = rows.setdefault(each, {})
@@ -328,16 +339,18 @@ class _Search:
 
     def _is_integral(self, candidate: Candidate, stratum: Stratum) -> bool:
         field_ = self.field
-        rate = field_.along(field_.quotient_gradient(candidate.value), field_.rates())
         close = on_zero_areas if self.has_zero_areas else on_sphere
-        entries = field_.split(field_.reduced(rate.numerator, close(field_).relations))
-        return not stratum.apply(dict(enumerate(entries.values())))
+        with suppress(NoProofError):
+            rate = field_.along(field_.quotient_gradient(candidate.value), field_.rates())
+            entries = field_.split(field_.reduced(rate.numerator, close(field_).relations))
+            return not stratum.apply(dict(enumerate(entries.values())))
+        return False
 
     def _polynomial(self, vector: Row, stratum: Stratum) -> fmpz_mpoly:
         """Return the integral in p, q, r, g1, g2, g3 and the letters."""
         field_, ring = self.field, self.field.ring
         letters = ring.gens()[field_.first_letter :]
-        moments = [field_.value(field_.setting.tape(each)) for each in field_.setting.moments]
+        moments = field_.moments()
         top = max(self._order(place)[0] for place in vector)
         total = ring.constant(0)
         for place, entry in vector.items():
@@ -378,14 +391,15 @@ def _monomials(omega_degree: int, gamma_degree: int) -> list[Monomial]:
 
 def _equations(field_: Functions) -> _Equations:
     setting = field_.setting
-    V = field_.value(setting.tape(setting.potential))
-    moments = [field_.value(setting.tape(each)) for each in setting.moments]
+    field_.require_setting()
+    V = field_.read(setting.tape(setting.potential), POTENTIAL_POINTER)
+    moments = field_.moments()
     if any(int(k) for k in V.denominator.degrees()[: field_.first_letter]) or any(
         int(k) for k in V.numerator.degrees()[: field_.atoms]
     ):
         raise NotPolynomialError(
             "integrals are searched for potentials that are polynomials in g1, g2, g3",
-            pointer="/potential/expression",
+            pointer=POTENTIAL_POINTER,
         )
     common = V.denominator
     for each in moments:

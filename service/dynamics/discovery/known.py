@@ -6,6 +6,7 @@ asks. Sources: Euler 1758, Lagrange 1788, Kovalevskaya 1889, Brun 1893, Goriache
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
@@ -15,6 +16,7 @@ from service.dynamics.discovery.setting import VELOCITIES, substituted
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tree import VARIABLES, Symbol, Tree
 from service.dynamics.potentials.terms.bound_formula import MOMENTS
+from service.dynamics.verdict.exact_ring.layout import NoProofError
 
 IntegralName = Literal[
     "energy",
@@ -68,7 +70,7 @@ _WITHOUT_FIELD = 2
 
 
 def candidates(field: Functions) -> Iterator[Candidate]:
-    """Yield what may be an integral for the moments and the potential of the field."""
+    """Yield what may be an integral for the moments and the potential of the field, and is not too large."""
     setting = field.setting
     given = dict(zip(MOMENTS, setting.moments, strict=True))
     terms = _laurent_terms(field, field.value(setting.tape(setting.potential)))
@@ -78,15 +80,16 @@ def candidates(field: Functions) -> Iterator[Candidate]:
             for old in (VELOCITIES, VARIABLES, MOMENTS):
                 for place, each in enumerate(old):
                     names[each] = Symbol(old[(place + turn) % 3])
-            coefficients = _coefficients(field, terms or {}, turn)
-            made = [substituted(substituted(parse(part), names), {**given, **coefficients}) for part in parts]
-            values = [field.value(setting.tape(each)) for each in made]
-            total = values[0]
-            if len(values) > 1:
-                first, second = (field.multiply(each, each) for each in values)
-                total = field.add(first, second)
-            if total.numerator:
-                yield Candidate(name, total, _text(field, values))
+            with suppress(NoProofError):
+                found = {**given, **_coefficients(field, terms or {}, turn)}
+                made = [substituted(substituted(parse(part), names), found) for part in parts]
+                values = [field.value(setting.tape(each)) for each in made]
+                total = values[0]
+                if len(values) > 1:
+                    first, second = (field.multiply(each, each) for each in values)
+                    total = field.add(first, second)
+                if total.numerator:
+                    yield Candidate(name, total, _text(field, values))
 
 
 def _text(field: Functions, parts: Sequence[Quotient]) -> str:
@@ -141,7 +144,7 @@ def _coefficients(
         return terms.get((place[0], place[1], place[2]), zero)
 
     squares = [take(*(2 * (axis == each) for each in range(3))) for axis in range(3)]
-    moments = [field.value(field.setting.tape(each)) for each in field.setting.moments]
+    moments = field.moments()
     difference = field.subtract(squares[0], squares[1])
     mu = zero
     for i, j in ((0, 1), (1, 2), (2, 0)) if turn == 0 else ():

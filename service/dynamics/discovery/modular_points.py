@@ -8,11 +8,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
-from flint import fmpz_mpoly, nmod_poly
+from flint import fmpz_mpoly
 
 from service.dynamics.discovery.functions import ORDER, Functions, Quotient
 from service.dynamics.discovery.setting import STATE
-from service.dynamics.discovery.strata import PRIME, Stratum, by_powers, evaluated, rank_modulo
+from service.dynamics.discovery.strata import (
+    PRIME,
+    Stratum,
+    by_powers,
+    evaluated,
+    random_numbers,
+    rank_modulo,
+    root_modulo,
+)
 
 PRIMES = (PRIME, 2**61 - 31, 2**61 - 45, 2**61 - 229, 2**61 - 259, 2**61 - 283, 2**61 - 339)
 """Primes modulo one of which a condition that is solved for no letter may have a root."""
@@ -40,7 +48,7 @@ class ModularPoint:
     def on(cls, field: Functions, stratum: Stratum, *, has_zero_areas: bool) -> "ModularPoint | None":
         """Return the point; None if the unresolved condition has no root where it was looked for."""
         for prime in PRIMES:
-            numbers = _numbers(prime)
+            numbers = random_numbers(prime)
             letters = [next(numbers) for _ in field.letters.ring.gens()]
             if stratum.unresolved is None or _solve(stratum.unresolved, letters, numbers, prime):
                 break
@@ -55,7 +63,7 @@ class ModularPoint:
         if has_zero_areas:
             m[2] = -(m[0] * gamma[0] + m[1] * gamma[1]) * pow(gamma[2], -1, prime) % prime
         blank, setting = [0] * field.first_letter + letters, field.setting
-        moments = [_modular(field.value(setting.tape(each)), blank, prime) or 0 for each in setting.moments]
+        moments = [_modular(each, blank, prime) or 0 for each in field.moments()]
         omega = [each * pow(moment, -1, prime) % prime for each, moment in zip(m, moments, strict=True)]
         values = list(blank)
         for name, value in zip(STATE, (*omega, *gamma), strict=True):
@@ -101,14 +109,6 @@ class ModularPoint:
         return found
 
 
-def _numbers(prime: int) -> Iterator[int]:
-    """Yield numbers modulo the prime, always the same, that have nothing to do with each other."""
-    number = 1_234_567_890_123_456_789
-    while True:
-        number = (6_364_136_223_846_793_005 * number + 1_442_695_040_888_963_407) % prime
-        yield number
-
-
 def _solve(condition: fmpz_mpoly, letters: list[int], numbers: Iterator[int], prime: int) -> bool:
     """Change the letters until the condition is 0 modulo the prime; return whether that succeeded."""
     degrees = [int(degree) for degree in condition.degrees()]
@@ -117,10 +117,10 @@ def _solve(condition: fmpz_mpoly, letters: list[int], numbers: Iterator[int], pr
     for _ in range(ROOT_TRIALS):
         letters[:] = [next(numbers) for _ in letters]
         values = [evaluated(parts[k], letters, prime) if k in parts else 0 for k in range(degrees[index] + 1)]
-        for factor, _ in nmod_poly(values, prime).factor()[1]:
-            if factor.degree() == 1:
-                letters[index] = -int(factor[0]) * pow(int(factor[1]), -1, prime) % prime
-                return True
+        root = root_modulo(values, prime)
+        if root is not None:
+            letters[index] = root
+            return True
     return False
 
 

@@ -35,6 +35,12 @@ class EmptyRelationsError(DynamicsError):
     code: ClassVar[str] = "empty_relations"
 
 
+class TooManyTermsError(DynamicsError):
+    """A formula that is too large when it is multiplied out."""
+
+    code: ClassVar[str] = "too_many_terms"
+
+
 class SearchTooLargeError(DynamicsError):
     """A search with more unknowns than are solved for."""
 

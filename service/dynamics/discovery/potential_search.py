@@ -11,7 +11,7 @@ from fractions import Fraction
 from functools import reduce
 from itertools import product as pairs_of
 
-from flint import Ordering, acb_poly, fmpz_mpoly, fmpz_mpoly_ctx, fmpz_poly, nmod_poly
+from flint import Ordering, acb_poly, fmpz_mpoly, fmpz_mpoly_ctx, fmpz_poly
 
 from service.dynamics.discovery.functions import Functions
 from service.dynamics.discovery.outcomes import (
@@ -21,7 +21,7 @@ from service.dynamics.discovery.outcomes import (
     SearchTooLargeError,
     SpecialRatio,
 )
-from service.dynamics.discovery.setting import read_setting
+from service.dynamics.discovery.setting import POTENTIAL_POINTER, read_setting
 from service.dynamics.discovery.strata import (
     PRIME,
     Letters,
@@ -32,6 +32,7 @@ from service.dynamics.discovery.strata import (
     evaluated,
     kernel,
     rank_modulo,
+    root_modulo,
     special_strata,
 )
 from service.dynamics.equations.compatibility import pde_residual
@@ -181,6 +182,8 @@ def ratios_that_admit(
     ------
     NotPolynomialError
         The formula is no polynomial in g1, g2, g3 as it stands.
+    TooManyTermsError
+        It is too large.
     FormulaError
         It is no formula.
     """
@@ -188,7 +191,7 @@ def ratios_that_admit(
     setting = read_setting(moments, potential, parameters)
     tape = setting.tape(setting.potential)
     functions = Functions(setting, [tape])
-    V, ring = functions.value(tape), _ring(None)
+    V, ring = functions.read(tape, POTENTIAL_POINTER), _ring(None)
     known = {name: place for place, name in enumerate(ring.whole.names())}
     terms: dict[tuple[int, ...], int] = {}
     names = [*functions.ring.names()]
@@ -200,7 +203,7 @@ def ratios_that_admit(
         terms[tuple(used.get(name, 0) for name in known)] = int(value)
     if not V.denominator.is_constant() or (V.numerator and not terms):
         reason = "ratios are found for potentials that are polynomials in g1, g2, g3"
-        raise NotPolynomialError(reason, pointer="/potential/expression")
+        raise NotPolynomialError(reason, pointer=POTENTIAL_POINTER)
     A, _, g1, g2, g3 = ring.whole.gens()
     # A is the letter, C a number: L is homogeneous in the two, so that integers can stand for them.
     residual = _Ring(ring.whole, ring.letters, A * C.denominator, ring.whole.constant(C.numerator)).residual(
@@ -295,7 +298,9 @@ def _ratios(ring: _Ring, block: _Block, stratum: Stratum) -> set[Fraction]:
         return {ratio} if ratio > 0 else set()
     if not _has_positive_root(polynomial) or _keeps_rank(ring, block, polynomial):
         return set()
-    raise SearchTooLargeError(f"whether there are more where A/C is a root of {polynomial} was not found")
+    raise SearchTooLargeError(
+        f"whether there are more where A/C is a root of {polynomial} was not found", pointer="/degree"
+    )
 
 
 def _keeps_rank(ring: _Ring, block: _Block, polynomial: fmpz_poly) -> bool:
@@ -308,11 +313,10 @@ def _keeps_rank(ring: _Ring, block: _Block, polynomial: fmpz_poly) -> bool:
     for prime in _PRIMES:
         if any(prime % k == 0 for k in range(3, 120, 2)):
             continue
-        modular = nmod_poly([int(c) % prime for c in polynomial.coeffs()], prime)
-        for factor, _ in modular.factor()[1] if modular.degree() == polynomial.degree() else ():
-            if factor.degree() == 1:
-                root = -int(factor[0]) * pow(int(factor[1]), -1, prime) % prime
-                return _rank_at(rows, (root, 1), prime) == usual
+        known = [int(c) for c in polynomial.coeffs()]
+        root = root_modulo(known, prime) if known[-1] % prime else None
+        if root is not None:
+            return _rank_at(rows, (root, 1), prime) == usual
     return False
 
 

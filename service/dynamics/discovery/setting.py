@@ -24,6 +24,7 @@ from service.dynamics.potentials.terms.bound_formula import MOMENTS, require_par
 VELOCITIES = ("p", "q", "r")
 STATE = (*VELOCITIES, *VARIABLES)
 """p, q, r, g1, g2, g3."""
+POTENTIAL_POINTER = "/potential/expression"
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,13 +114,14 @@ def read_setting(
                 raise ImpossibleInertiaError(
                     f"{name} = {value} is not positive; a moment of inertia is > 0", pointer=f"/body/{name}"
                 )
+            pointer = f"/body/{name}"
             given[name] = (
                 exact_tree(value)
                 if isinstance(value, Fraction)
-                else _read(value, letters, numbers, given, f"/body/{name}")
+                else _moment(_read(value, letters, numbers, given, pointer), letters, pointer)
             )
         waiting = [name for name in waiting if name not in ready]
-    field = _read(potential, (*VARIABLES, *letters), numbers, given, "/potential/expression")
+    field = _read(potential, (*VARIABLES, *letters), numbers, given, POTENTIAL_POINTER)
     return LetteredSetting(letters, (given["A"], given["B"], given["C"]), field, numbers)
 
 
@@ -136,6 +138,15 @@ def _names(value: str | Fraction) -> set[str]:
     if isinstance(value, Fraction):
         return set()
     return {node.name for node in post_order(parse(value)) if isinstance(node, Symbol)}
+
+
+def _moment(tree: Tree, letters: Sequence[str], pointer: str) -> Tree:
+    for each in compile_tape(tree, letters).instructions:
+        is_root = each.operation == "power" and each.number is not None and each.number.denominator > 1
+        if is_root or each.operation in ("call", "general_power"):
+            reason = "a moment is a rational function of letters, without roots and functions"
+            raise FormulaError(reason, pointer=pointer)
+    return tree
 
 
 def _read(

@@ -8,7 +8,7 @@ for a letter that it is linear in; one that is linear in none stays, as a condit
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from flint import fmpz, fmpz_mat, fmpz_mpoly, fmpz_mpoly_ctx, nmod_mat
+from flint import fmpz, fmpz_mat, fmpz_mpoly, fmpz_mpoly_ctx, nmod_mat, nmod_poly
 
 Row = dict[int, fmpz_mpoly]
 """The entries of a row, or a column, that are not 0, by their places."""
@@ -95,15 +95,19 @@ class Letters:
 
     def is_unit(self, polynomial: fmpz_mpoly) -> bool:
         """Whether the polynomial is nowhere 0: all its terms have one sign, and one of them is not 0."""
+        return self.sign(polynomial) != 0
+
+    def sign(self, polynomial: fmpz_mpoly) -> int:
+        """Return the sign that the polynomial has everywhere by its terms; 0 where they do not show it."""
         signs, is_strict = set[bool](), False
         for exponents, coefficient in polynomial.terms():
             odd = any(k % 2 and i not in self.positive for i, k in enumerate(exponents))
             free = any(k and i not in self.positive for i, k in enumerate(exponents))
             if odd:
-                return False
+                return 0
             signs.add(int(coefficient) > 0)
             is_strict = is_strict or not free
-        return is_strict and len(signs) == 1
+        return (1 if signs.pop() else -1) if is_strict and len(signs) == 1 else 0
 
     def as_sum_of_squares(self, polynomial: fmpz_mpoly) -> list[fmpz_mpoly] | None:
         """Return terms of one sign, which are all 0 where the polynomial is; None if it has others."""
@@ -264,15 +268,17 @@ def _eliminate(work: _Work) -> list[_Work]:
     """Eliminate until no row is left; return what remains to be done where a pivot is 0."""
     branches: list[_Work] = []
     while work.rows:
-        if work.is_late():
-            raise TimeoutError
         number, column, factors = _next_pivot(work)
         for factor in factors:
             branches.append(work.but_with(conditions=[factor]))
             work.nonzero.append(factor)
         pivot = primitive(work.rows.pop(number), work)
         work.pivots.append((column, pivot))
-        changed = [_combined(row, pivot, column, work) if column in row else row for row in work.rows]
+        changed: list[Row] = []
+        for row in work.rows:
+            if work.is_late():
+                raise TimeoutError
+            changed.append(_combined(row, pivot, column, work) if column in row else row)
         work.rows = [row for row in changed if row]
     return branches
 
@@ -405,6 +411,28 @@ def evaluated(polynomial: fmpz_mpoly, values: Sequence[int], prime: int = PRIME)
                 term = term * pow(value, int(exponent), prime) % prime
         total += term
     return total % prime
+
+
+def root_modulo(values: Sequence[int], prime: int = PRIME) -> int | None:
+    """Return a root modulo a prime of the polynomial with these coefficients, if it has one."""
+    polynomial = nmod_poly([value % prime for value in values], prime)
+    for factor, _ in polynomial.factor()[1] if polynomial.degree() > 0 else ():
+        if factor.degree() == 1:
+            return -int(factor[0]) * pow(int(factor[1]), -1, prime) % prime
+    return None
+
+
+def random_numbers(prime: int = PRIME) -> Iterator[int]:
+    """Yield numbers modulo the prime, always the same, as good as random (SplitMix64, Steele et al. 2014).
+
+    They must not be tied by polynomials, as those of a linear congruential generator are.
+    """
+    state, words = 0, 1 << 64
+    while True:
+        state = (state + 0x9E3779B97F4A7C15) % words
+        mixed = (state ^ state >> 30) * 0xBF58476D1CE4E5B9 % words
+        mixed = (mixed ^ mixed >> 27) * 0x94D049BB133111EB % words
+        yield (mixed ^ mixed >> 31) % prime
 
 
 def _equal(left: fmpz_mpoly, right: fmpz_mpoly) -> bool:

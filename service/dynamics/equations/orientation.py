@@ -19,12 +19,15 @@ where n Δψ1 is reduced without loss and the sign keeps q continuous.
 """
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from fractions import Fraction
 from typing import TypeVar
 
 import numpy as np
 
 from service.dynamics.bounds import largest
+from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebras.scalar import ScalarAlgebra
 from service.dynamics.solution.dense_output import (
     EPSILON,
     TURN,
@@ -48,6 +51,7 @@ VERTICAL_ANGLE = 1e-6
 _TWO_TURNS = Period(2.0 * TURN, 2.0 * TURN_LOW, 0.0)
 """4π in two doubles: the period of a quaternion in its angle."""
 
+T = TypeVar("T")
 Column = TypeVar("Column", float, FloatArray)
 """The values of a column, or the bound of their errors."""
 
@@ -152,17 +156,61 @@ def quaternion_product(left: FloatArray, right: FloatArray) -> FloatArray:
 
 
 def attitude(gamma: FloatArray) -> FloatArray:
-    r"""Return the quaternion, shape (4,), of the attitude at t = 0 with this gamma, shape (3,).
+    """Return the quaternion, shape (4,), of the attitude at t = 0 with this gamma, shape (3,)."""
+    given = [float(g) for g in gamma]
+    return np.array(attitude_in(ScalarAlgebra(), given, given))
+
+
+def attitude_in(algebra: Algebra[T], gamma: Sequence[T], near: Sequence[float]) -> tuple[T, T, T, T]:
+    r"""Return the quaternion of the attitude at t = 0 with this gamma; ``near`` it are doubles.
 
     R = Ry(−β) Rx(χ) with g1 = sin β, (g2, g3) = cos β (sin χ, cos χ): the first axis
     of the body has no azimuth. Where it is vertical, within VERTICAL_ANGLE, the second axis
     has the azimuth π/2 instead: R = Rx(a) Ry(b).
     """
-    g1, g2, g3 = np.asarray(gamma, dtype=np.float64).tolist()
-    tilt = math.hypot(g2, g3)
-    if tilt > VERTICAL_ANGLE:
-        return quaternion_product(_about(1, -math.atan2(g1, tilt)), _about(0, math.atan2(g2, g3)))
-    return quaternion_product(_about(0, math.atan2(g2, math.hypot(g1, g3))), _about(1, math.atan2(-g1, g3)))
+    half = Fraction(1, 2)
+    one, multiply = algebra.constant(Fraction(1)), algebra.multiply
+
+    def length(x: T, y: T) -> T:
+        return algebra.power(algebra.add(multiply(x, x), multiply(y, y)), half)
+
+    def half_angle(y: T, x: T, *, is_up: bool, is_left: bool) -> tuple[T, T]:
+        """Return cosine and sine of half the angle of (x, y), without cancellation on either side."""
+        whole = length(x, y)
+        sine, cosine = algebra.divide(y, whole), algebra.divide(x, whole)
+        along = algebra.subtract(one, cosine) if is_left else algebra.add(one, cosine)
+        larger = algebra.power(multiply(algebra.constant(half), along), half)
+        if is_left and not is_up:
+            larger = algebra.negate(larger)
+        smaller = algebra.divide(multiply(algebra.constant(half), sine), larger)
+        return (smaller, larger) if is_left else (larger, smaller)
+
+    (g1, g2, g3), (x, y, z) = gamma, near
+    against = algebra.negate(g1)
+    if math.hypot(y, z) > VERTICAL_ANGLE:
+        c1, s1 = half_angle(g2, g3, is_up=y >= 0.0, is_left=z < 0.0)
+        c2, s2 = half_angle(against, length(g2, g3), is_up=x <= 0.0, is_left=False)
+        last = algebra.negate(multiply(s1, s2))
+    else:
+        c1, s1 = half_angle(g2, length(g1, g3), is_up=y >= 0.0, is_left=False)
+        c2, s2 = half_angle(against, g3, is_up=x <= 0.0, is_left=z < 0.0)
+        last = multiply(s1, s2)
+    return multiply(c1, c2), multiply(s1, c2), multiply(c1, s2), last
+
+
+def azimuth_rate(states: FloatArray, axis: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return ψ' of an axis of the body, its derivatives by the six variables, and 1 − g².
+
+    Shapes are those of ``states``, (..., 6), and without the last axis.
+    """
+    others = [other for other in range(3) if other != axis]
+    w, g = states[..., others], states[..., [3 + other for other in others]]
+    square = np.square(g).sum(axis=-1)
+    rate = (w * g).sum(axis=-1) / square
+    slopes = np.zeros(states.shape)
+    slopes[..., others] = g / square[..., None]
+    slopes[..., [3 + other for other in others]] = (w - 2.0 * rate[..., None] * g) / square[..., None]
+    return rate, slopes, square
 
 
 def _attitude_of(columns: Mapping[str, Column]) -> dict[str, Column]:
@@ -202,12 +250,6 @@ def _sign_of_period(dense: DenseOutput, advance: Advance) -> float:
     start = series[0, ::2].sum(axis=0) - series[0, 1::2].sum(axis=0)
     turned = quaternion_product(_about_vertical(np.array(advance.hi)), start)
     return math.copysign(1.0, float(turned @ end))
-
-
-def _about(axis: int, angle: float) -> FloatArray:
-    quaternion = np.array([math.cos(angle / 2), 0.0, 0.0, 0.0])
-    quaternion[1 + axis] = math.sin(angle / 2)
-    return quaternion
 
 
 def _about_vertical(angle: FloatArray) -> FloatArray:

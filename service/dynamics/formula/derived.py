@@ -17,7 +17,7 @@ from service.dynamics.formula.tape import Instruction, Operation, Tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.formula.tree import VARIABLES
 
-STRUCTURES = 256
+CACHED_STRUCTURES = 256
 """Number of structures of which derived programs are cached."""
 
 
@@ -154,7 +154,7 @@ class _Tracer(Tracer):
         return self.multiply(self.constant(exponent), self.constant(exponent - 1))
 
 
-@lru_cache(maxsize=STRUCTURES)
+@lru_cache(maxsize=CACHED_STRUCTURES)
 def _of_structure(structure: _Structure, others: int, result: int, derivation: Derivation) -> Derived:
     places = count()
     instructions = [Instruction("constant", number=_stand_in(next(places))) for _ in range(others)]

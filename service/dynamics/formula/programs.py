@@ -20,13 +20,13 @@ from service.dynamics.formula.traces import Step, Traced, Tracer
 if TYPE_CHECKING:
     from service.dynamics.formula.tape import Tape
 
-OFTEN = 12
+MANY_EVALUATIONS = 12
 """Evaluations of one kind after which a program pays for its making."""
-LONGEST = 4000
+MAX_PROGRAM_OPERATIONS = 4000
 """Operations of a program: constants of longer ones take more room than is sure to be worth it."""
-FORMULAS = 64
+CACHED_FORMULAS = 64
 """Number of formulas whose programs are cached for the next problem."""
-PRECISIONS = 16
+CACHED_PRECISIONS = 16
 """Number of precisions for which the constants of a program are cached."""
 
 T = TypeVar("T")
@@ -54,7 +54,7 @@ class Way:
     """Returns the inputs and the results of a tape, as values of the tracer."""
     is_shared: bool = False
     """True if the trace depends on the tape alone: equal tapes of later problems have the same program."""
-    often: int = OFTEN
+    often: int = MANY_EVALUATIONS
 
 
 class Programs:
@@ -93,11 +93,11 @@ class Programs:
         self._asked[name] = asked
         if asked > way.often:
             program = traced_program(tape, way)
-            self._made[name] = program if len(program.operations) <= LONGEST else None
+            self._made[name] = program if len(program.operations) <= MAX_PROGRAM_OPERATIONS else None
         return None
 
 
-@lru_cache(maxsize=FORMULAS)
+@lru_cache(maxsize=CACHED_FORMULAS)
 def _of_equal_tapes(_: "Tape") -> Programs:
     return Programs()
 
@@ -113,7 +113,7 @@ class _Program(Generic[T]):
     def at(self, precision: int) -> Run:
         run = self.runs.get(precision)
         if run is None:
-            if len(self.runs) >= PRECISIONS:
+            if len(self.runs) >= CACHED_PRECISIONS:
                 self.runs.clear()
             run = self.runs[precision] = self._bound([constant() for constant in self.constants])
         return run

@@ -40,9 +40,9 @@ the atoms. Those of the logarithms are natural numbers."""
 MonomialSum = dict[Powers, Fraction]
 """Coefficients by exponents, none of them 0."""
 
-ATOMS = 7
+FIRST_ATOM_POSITION = 7
 """Position of the first atom."""
-GENERATORS = ATOMS + MAX_ATOMS
+GENERATORS = FIRST_ATOM_POSITION + MAX_ATOMS
 _OF_G2 = {1: "g2", 3: "(1 - g2^2)", 6: "log(1 - g2^2)"}
 """A function of g2, as text."""
 _POSITIONS = {RHO: 3, LOG_G1: 4, LOG_G3: 5, LOG_RHO: 6}
@@ -102,7 +102,7 @@ def _powers(monomial: Monomial, unit: int) -> Powers:
     first, second, third, _, atoms = monomial
     powers = [Fraction(each, unit) for each in (first, second, third)] + [Fraction(0)] * (GENERATORS - 3)
     for number, exponent in atoms:
-        powers[_POSITIONS.get(number, ATOMS + number)] = Fraction(exponent, unit)
+        powers[_POSITIONS.get(number, FIRST_ATOM_POSITION + number)] = Fraction(exponent, unit)
     return tuple(powers)
 
 
@@ -123,7 +123,7 @@ def _atom_text(atom: Atom, unit: int, known: list[str]) -> str:
 
 def _text(terms: MonomialSum, atoms: list[str]) -> str:
     """Return a function of g2 as text."""
-    names = _OF_G2 | {ATOMS + number: f"({atom})" for number, atom in enumerate(atoms)}
+    names = _OF_G2 | {FIRST_ATOM_POSITION + number: f"({atom})" for number, atom in enumerate(atoms)}
     ordered = ((powers, terms[powers]) for powers in sorted(terms, reverse=True))
     return sum_text(
         term_text(value, *(power_text(names[p], powers[p]) for p in names)) for powers, value in ordered

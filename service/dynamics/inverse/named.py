@@ -29,8 +29,14 @@ from service.dynamics.inverse.projection import Nearest, nearest_expression
 from service.dynamics.inverse.section import formula_text, is_G_confirmed
 from service.dynamics.potentials.families.general_solution import QUADRANTS, SIGNS, Quadrant
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.verdict.proofs.energy_formula import OctantTerms, formula_of, signed_formulas_of
-from service.dynamics.verdict.proofs.energy_terms import EnergyTerms, energy_terms, sum_text
+from service.dynamics.verdict.proofs.energy_terms import (
+    EnergyTerms,
+    OctantTerms,
+    energy_terms,
+    formula_of,
+    signed_formulas_of,
+    sum_text,
+)
 from service.dynamics.verdict.proofs.general_energy import energy_text
 from service.dynamics.verdict.proofs.proof import Signs, prove
 

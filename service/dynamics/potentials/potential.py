@@ -23,7 +23,7 @@ from service.dynamics.formula.algebras.real import QuietedRealAlgebra, RealAlgeb
 from service.dynamics.formula.algebras.scalar import ScalarAlgebra
 from service.dynamics.formula.derived import Derivation
 from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.programs import OFTEN, Way
+from service.dynamics.formula.programs import MANY_EVALUATIONS, Way
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.formula.tree import VARIABLES, Tree
@@ -40,7 +40,7 @@ class Notice:
     pointer: str
 
 
-def _way(derivation: Derivation, often: int = OFTEN) -> Way:
+def _way(derivation: Derivation, often: int = MANY_EVALUATIONS) -> Way:
     def trace(tape: Tape, tracer: Tracer) -> tuple[Sequence[Traced], Sequence[Traced]]:
         inputs = [tracer.variable(name) for name in VARIABLES]
         return inputs, derivation(tape, tracer, inputs)
@@ -49,7 +49,7 @@ def _way(derivation: Derivation, often: int = OFTEN) -> Way:
 
 
 VALUE, TURN, VALUE_AND_TURN = _way(derived.value), _way(derived.turn), _way(derived.value_and_turn)
-SECOND_ORDER = _way(derived.second_order, often=3 * OFTEN)
+SECOND_ORDER = _way(derived.second_order, often=3 * MANY_EVALUATIONS)
 """A long program."""
 
 

@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-OCTAVES = 24
+STRETCHES_PER_SIDE = 24
 """Stretches to begin with, towards 0 and towards ∞, each with the ratio 2 of its ends."""
 STRETCH_MIN_RELATIVE_WIDTH = 1e-5
 """Relative width of a stretch that is not halved any more."""
@@ -136,7 +136,7 @@ def find_existence(
 
 
 def _first_pieces() -> list[_Piece]:
-    ends = [0.0, *(2.0**-k for k in range(OCTAVES, -1, -1))]
+    ends = [0.0, *(2.0**-k for k in range(STRETCHES_PER_SIDE, -1, -1))]
     return [_Piece(inverse, low, high) for inverse in (False, True) for low, high in pairwise(ends)]
 
 

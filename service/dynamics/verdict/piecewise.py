@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.tape import Tape
-from service.dynamics.verdict.proofs.energy_formula import OctantTerms
-from service.dynamics.verdict.proofs.energy_terms import EnergyTerms, energy_terms
+from service.dynamics.verdict.proofs.energy_terms import EnergyTerms, OctantTerms, energy_terms
 from service.dynamics.verdict.proofs.on_lines import (
     has_no_value,
     is_circle,

@@ -17,12 +17,12 @@ from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.potentials.families.general_solution import GeneralPotential, Quadrant
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.verdict.piecewise import PiecewiseFindings, examine_pieces, lines_of
-from service.dynamics.verdict.proofs.energy_formula import (
+from service.dynamics.verdict.proofs.energy_terms import (
     OctantTerms,
+    energy_terms,
     formula_of,
     signed_formulas_of,
 )
-from service.dynamics.verdict.proofs.energy_terms import energy_terms
 from service.dynamics.verdict.proofs.general_energy import energy_defect, energy_formulas
 from service.dynamics.verdict.proofs.power_sums import CurveEnergy, prove_power_sum
 from service.dynamics.verdict.proofs.proof import Proof, prove

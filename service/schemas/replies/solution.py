@@ -281,8 +281,8 @@ class EnclosuresOut(ResponseModel):
         " of times in periods, the multiples of the true period."
     )
     columns: dict[str, list[EnclosureOut]] = Field(
-        description="p, q, r, g1, g2, g3; of motions proven by steps also q0 to q3, psi1 and psi3, if the"
-        " outputs ask for the orientation."
+        description="p, q, r, g1, g2, g3; also q0 to q3, psi1 and psi3, if the outputs ask for the"
+        " orientation and steps prove it."
     )
 
 

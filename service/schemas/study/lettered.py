@@ -4,7 +4,8 @@ from contextlib import suppress
 from fractions import Fraction
 from typing import Annotated, Literal
 
-from pydantic import Field, PlainValidator, WithJsonSchema
+from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
+from pydantic.config import JsonDict
 
 from service.dynamics.errors import InvalidNumberError
 from service.dynamics.exact import exact_number
@@ -141,12 +142,25 @@ class IntegralSearchIn(_SettingIn):
 class RatioIn(WireModel):
     """The two moments on which admissible potentials depend."""
 
-    A: Moment | None = Field(default=None, description="Left out with C: every ratio A/C.")
-    C: Moment | None = Field(default=None, description="Left out with A: every ratio A/C.")
+    A: Moment = Field(description="The moment about the first axis.")
+    C: Moment = Field(description="The moment about the third axis.")
+
+
+def _nothing_is_none(value: object) -> object:
+    return None if value == {} else value
+
+
+def _accept_nothing(schema: JsonDict) -> None:
+    if isinstance(choices := schema["anyOf"], list):
+        choices.append({"type": "object", "maxProperties": 0})
 
 
 class PotentialSearchIn(WireModel):
     """A degree, and perhaps a body: what ``POST /v1/potentials/searches`` takes."""
 
-    body: RatioIn = Field(default_factory=RatioIn, description="The rigid body.")
+    body: Annotated[RatioIn | None, BeforeValidator(_nothing_is_none)] = Field(
+        default=None,
+        description="The rigid body; left out, null or empty: every ratio A/C.",
+        json_schema_extra=_accept_nothing,
+    )
     degree: PotentialDegree = Field(description="Largest degree of the polynomials on the sphere.")

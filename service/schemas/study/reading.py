@@ -17,6 +17,7 @@ from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tree import Tree
 from service.dynamics.problem import PlanarMotion, Problem
+from service.schemas.atlas.reading import LARGEST, SMALLEST
 from service.schemas.problem.problem import each_once, read_problem
 from service.schemas.problem.trusted import trusted_problem
 from service.schemas.reading.documents import (
@@ -255,6 +256,10 @@ def _base_faults(search: Search) -> Iterator[Fault]:
             except InvalidProblemError as error:
                 fault = error.faults[0]
                 yield Fault(f"/unknowns/{place}/interval/{end}", fault.code, fault.message)
+            else:
+                if each.path == ("motion", "lambda") and not SMALLEST <= value <= LARGEST:
+                    message = f"{float(value):g}; accepted are 1e-9 to 1e9"
+                    yield Fault(f"/unknowns/{place}/interval/{end}", "out_of_range", message)
 
 
 def _reader(model: type[BaseModel]) -> Callable[[object], object]:
@@ -263,10 +268,7 @@ def _reader(model: type[BaseModel]) -> Callable[[object], object]:
     def read(document: object) -> object:
         parts, faults = read_parts(document, model, {})
         body = parts.get("body")
-        if isinstance(body, RatioIn) and (body.A is None) != (body.C is None):
-            missing = "A" if body.A is None else "C"
-            faults.append(Fault(f"/body/{missing}", "missing_field", "A and C are given together, or none"))
-        if isinstance(body, RatioIn) and body.A is not None and body.A == body.C:
+        if isinstance(body, RatioIn) and body.A == body.C:
             faults.append(Fault("/body", "equal_moments", "A = C: accepted are A ≠ C"))
         if faults:
             raise InvalidProblemError(each_once(faults))

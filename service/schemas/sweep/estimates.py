@@ -29,7 +29,7 @@ from service.dynamics.formula.parser import parse
 from service.dynamics.motion import columns_of
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.verdict.proofs.power_sums import is_power_sum
-from service.schemas.problem.budgets import kind_of, samples_of
+from service.schemas.problem.problem import kind_of, samples_of
 from service.schemas.reading.documents import Part
 from service.schemas.sweep.sweep import Sweep
 

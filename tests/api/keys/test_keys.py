@@ -7,8 +7,15 @@ from fastapi.routing import iter_route_contexts
 from sqlalchemy import select
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
-from service.api.keys.access import ACCESS, OPEN, MissingRoleError, check_roles
-from service.api.keys.keyring import FRESH_SECONDS, SECOND_LOOK_SECONDS, KeyRing
+from service.api.keys.access import (
+    ACCESS,
+    FRESH_SECONDS,
+    OPEN,
+    SECOND_LOOK_SECONDS,
+    KeyRing,
+    MissingRoleError,
+    check_roles,
+)
 from service.api.replies.errors import TITLES
 from service.jobs.keys import KeyStanding, Role
 from service.settings import Settings

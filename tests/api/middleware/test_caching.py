@@ -6,7 +6,7 @@ import re
 import pytest
 
 from service.api.keys.access import ACCESS
-from service.api.replies.conditional import (
+from service.api.replies.responses import (
     IMMUTABLE,
     NO_STORE,
     REVALIDATE,

@@ -62,6 +62,7 @@ def test_an_answer_is_the_same_in_every_coding(client, coding):
             assert (again.status_code, again.headers["etag"]) == (304, tag)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("coding", ACCEPTED)
 @pytest.mark.parametrize(
     "media_type", ["text/csv", "application/x-ndjson", "application/vnd.apache.arrow.stream"]

@@ -39,6 +39,7 @@ def client(sqlite_url, verdicts):
         yield client
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("headers", FOREIGN, ids=str)
 def test_a_page_of_another_origin_changes_nothing(client, headers):
     job = client.post("/v1/jobs", json=STATE).json()

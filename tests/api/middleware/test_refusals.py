@@ -32,6 +32,7 @@ def pointers(document):
     return {fault["pointer"] for fault in document["errors"]}
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("path", ["/v1/jobs", "/v1/validations"])
 @pytest.mark.parametrize(
     "content",
@@ -94,6 +95,7 @@ def test_a_parameter_of_the_content_type_does_no_harm(client, media_type):
     assert response.status_code == 202
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("path", ["/v1/jobs", "/v1/sweeps", "/v1/validations"])
 @pytest.mark.parametrize("encoding", ["br", "gzip, zstd", "gzip, gzip", "x-gzip", "deflate"])
 def test_a_body_in_another_coding_is_refused_with_what_would_be_accepted(client, path, encoding):
@@ -177,6 +179,7 @@ def test_what_is_not_there_is_told(client, method, path, status, code):
     refusal(client.request(method, path), status, code)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("path", "pointer"),
     [

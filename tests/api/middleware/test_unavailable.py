@@ -23,8 +23,8 @@ from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
 from tests.support.api import NEEDED_QUERY, STATE, TestClient
 from tests.support.lists import list_jobs
+from tests.support.waiting import wait_until
 from tests.workers.chores import CHORES
-from tests.workers.processes import wait_until
 from workers.process.pool import ChildrenPool
 from workers.process.results import JobLimits
 from workers.process.runner import Runner

@@ -116,6 +116,7 @@ def test_the_longest_are_accepted(client):
     assert answer.json()["labels"] == labels
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(
     ("change", "labels", "note"),
     [
@@ -148,6 +149,7 @@ def test_plain_json_is_accepted_too(client, path):
     assert answer.headers["accept-patch"] == f"{MERGE_PATCH}, application/json"
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("change", "faults"),
     [

@@ -95,6 +95,7 @@ class Hurried:
         return examination(text)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("is_stopped", [False, True])
 def test_what_is_not_drawn_in_time_becomes_a_job(url, jobs, monkeypatch, is_stopped):
     monkeypatch.setattr("service.verdicts.atlases.PROCESSOR_SECONDS", 0.0)

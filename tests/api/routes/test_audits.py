@@ -64,6 +64,7 @@ def test_the_same_again_has_the_same_bits(client, jobs, database):
     in_order(database)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.any_database
 @pytest.mark.parametrize("tier", ["draft", "standard", "high", "certified"])
 @pytest.mark.parametrize("problem", [SHORT, RICH], ids=["short", "rich"])
@@ -131,6 +132,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.any_database
 @pytest.mark.parametrize("changed", CHANGES)
 @pytest.mark.parametrize("document", [{}, {"accuracy": {"tier": "high"}}], ids=["same", "higher"])

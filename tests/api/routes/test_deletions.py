@@ -92,6 +92,7 @@ def test_a_live_job_is_cancelled_first(client, jobs, database):
     in_order(database)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("is_cancelled", [False, True])
 def test_a_finished_sweep_goes_with_its_points_and_chunks(client, jobs, database, is_cancelled):
     sweep, kept = submit(client, SWEEP, "/v1/sweeps"), submit(client, OTHER)
@@ -142,6 +143,7 @@ def test_others_may_be_deleted_by_operators_only(client, jobs, database):
     assert census(database) == {}
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("kind", ["jobs", "solutions", "sweeps"])
 @pytest.mark.parametrize("its_id", ["none", None])
 def test_what_is_not_there_cannot_be_deleted(client, kind, its_id):

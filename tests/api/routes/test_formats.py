@@ -78,6 +78,7 @@ def points(client, jobs):
     return ask
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", MEDIA_TYPES)
 def test_a_trajectory_is_the_same_in_every_format(trajectory, name):
     expected = trajectory().json()["columns"]
@@ -98,6 +99,7 @@ def test_a_trajectory_is_the_same_in_every_format(trajectory, name):
     assert float(evaluated.headers["polhode-error"]) >= ERROR
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", MEDIA_TYPES)
 def test_points_are_the_same_in_every_format(points, name):
     expected = points(limit=POINTS, columns="index,/motion/lambda,period,outcome").json()["items"]
@@ -113,6 +115,7 @@ def test_points_are_the_same_in_every_format(points, name):
     assert column["outcome"] == [row["outcome"] for row in expected]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", MEDIA_TYPES)
 def test_the_file_has_a_name(trajectory, points, stored, name):
     for answer, stem in (

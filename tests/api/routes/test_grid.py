@@ -56,6 +56,7 @@ def test_rows_run_along_the_first_axis_and_columns_along_the_last(client, jobs, 
         assert grid["outcomes"][row][column] == ("no_motion" if refused else "solved")
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("held", [(0,), (1,), (2,), (0, 1), (0, 2), (1, 2)])
 def test_any_axes_can_be_held(client, jobs, held):
     sweep = read_sweep({**SWEEP, "axes": CUBE})

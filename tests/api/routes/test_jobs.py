@@ -2,7 +2,7 @@ import threading
 
 import pytest
 
-from service.api.queries.prefer import wait_seconds
+from service.api.queries.queries import wait_seconds
 from service.jobs.records import JobState
 from service.storage.solutions.accuracy_store import AccuracyStore
 from tests.support.accuracy import row, table

@@ -87,6 +87,7 @@ def follow(client, path, **query):
         response = client.get(urljoin(path, page["next"]))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     "order", ["energy", "-tier,energy", "/motion/lambda", "-period,-created_at", "trace"]
 )
@@ -113,6 +114,7 @@ def test_jobs_and_sweeps_have_pages_by_cursor(client, made):
     assert [item["points"] for item in found["items"]] == [8, 6]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("order", [None, "period", "-energy,period", "energy", "-index"])
 def test_points_have_pages_by_cursor(client, jobs, order):
     sweep_id = client.post("/v1/sweeps", json=SWEEP).json()["id"]

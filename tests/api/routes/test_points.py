@@ -272,6 +272,7 @@ def test_a_fault_before_the_first_byte_is_told(points, monkeypatch):
     assert (answer.status_code, answer.json()["type"]) == (500, "urn:polhode:problem:internal_error")
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("accept", ["application/json", CSV, NDJSON, ARROW, NPZ])
 def test_places_beyond_every_list_are_told_or_refused(points, accept):
     for name in ("offset", "limit"):
@@ -285,6 +286,7 @@ def test_places_beyond_every_list_are_told_or_refused(points, accept):
     assert len(empty.content) < 2000
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("index", [-1e300, -1, 0.5, 2.0**63, 1e300])
 def test_a_forged_cursor_leads_to_some_page(points, index):
     following = points(limit=2).json()["next"]

@@ -41,6 +41,7 @@ def several(client, jobs):
     return found
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("query", "order"),
     [

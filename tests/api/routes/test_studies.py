@@ -145,6 +145,11 @@ KOVALEVSKAYA = {
 }
 
 
+LARGE = "(p + q + r + g1 + g2 + g3 + 1)^40"
+LARGE_SEARCH = {
+    "potential": {"type": "expression", "expression": "(g1 + g2 + g3 + 1)^200"},
+    "degree": {"omega": 2, "gamma": 1},
+}
 TOO_HIGH = {"potential": HEAVY, "degree": {"omega": 99, "gamma": 2}}
 
 
@@ -170,6 +175,7 @@ def test_integrals_and_potentials_are_searched(client):
     assert [each["expression"] for each in found["potentials"]] == ["1", "g1"]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("path", "document", "pointer", "code"),
     [
@@ -178,6 +184,8 @@ def test_integrals_and_potentials_are_searched(client):
         ("integrals", {**KOVALEVSKAYA, "function": "p^2 + x"}, "/function", "formula"),
         ("integrals/searches", TOO_HIGH, "/degree/omega", "out_of_range"),
         ("potentials/searches", {"body": {"A": 2}, "degree": 2}, "/body/C", "missing_field"),
+        ("integrals", {**KOVALEVSKAYA, "relations": ["q", LARGE]}, "/relations/1", "too_many_terms"),
+        ("integrals/searches", LARGE_SEARCH, "/potential/expression", "too_many_terms"),
     ],
 )  # fmt: skip
 def test_faults_of_questions_have_their_pointers(client, path, document, pointer, code):
@@ -213,4 +221,6 @@ def test_every_fault_has_its_pointer(client):
     assert faults(client, base={**BASE, "body": {"A": 2, "C": 2}}) == {"/base/body": "equal_moments"}
     negative = {**unknown, "interval": [-1, 2]}
     assert faults(client, unknowns=[negative]) == {"/unknowns/0/interval/0": "out_of_range"}
+    endless = {**unknown, "interval": [1, 1e300]}
+    assert faults(client, unknowns=[endless]) == {"/unknowns/0/interval/1": "out_of_range"}
     assert faults(client, wanted=[{"of": "trace", "equals": 2}]) == {"/base/body/B": "missing_moment"}

@@ -31,6 +31,7 @@ def sweep_id(sqlite_url):
     return store_points(sqlite_url, POINTS)
 
 
+@pytest.mark.long
 def test_streaming_a_million_points_takes_little_memory(sweep_id, tmp_path):
     with serving(tmp_path, workers=0) as service:
         idle, place = peak(service.process.pid), f"{service.address}/v1/sweeps/{sweep_id}/points"

@@ -99,6 +99,7 @@ def test_an_empty_list_is_a_table_without_rows(client):
     assert table.num_rows == 0
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("path", ["/v1/solutions", "/v1/sweeps", "/v1/atlases"])
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_list_is_a_table(client, stored, path, name):

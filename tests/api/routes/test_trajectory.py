@@ -196,6 +196,7 @@ def oriented(client, jobs):
     return Stored(job, job.solution_id)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("accept", FORMATS)
 @pytest.mark.parametrize("query", ["", "?start=-3&stop=1000.5&samples=77"])
 def test_the_attitude_comes_in_every_format_at_any_time(client, oriented, accept, query):

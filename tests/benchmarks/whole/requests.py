@@ -9,7 +9,7 @@ from pathlib import Path
 from tests.benchmarks.measuring import Effort, Table, in_words
 from tests.benchmarks.whole.client import Line, bare_route
 from tests.support.serving import Service, serving
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 PROBLEM = {
     "body": {"A": 2, "C": 1},

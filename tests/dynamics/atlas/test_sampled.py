@@ -77,6 +77,7 @@ def test_what_is_seen_is_what_is_proved_of_the_same_potential(name, monkeypatch)
         are_single_motions(on, known, part.series, (1, -2))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("F", ["w^2", "w/(1+w)"])
 def test_windows_are_those_of_single_motions_of_the_integral(F):
     on, over = body(3, 2), LambdaRange(Fraction(1, 5), Fraction(2))

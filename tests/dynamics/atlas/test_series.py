@@ -40,6 +40,7 @@ def test_the_energy_of_a_linear_potential():
     assert (series.energy.error < 1e-11 * (1 + expected)).all()
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("rigid_body", "text", "lower", "upper"),
     [

@@ -189,6 +189,7 @@ STATES = {
 }
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("text", "state"), STATES.items())
 def test_an_energy_is_not_believed_because_discs_say_nothing(text, state):
     """An energy that is off by 1e-3 needs an error of that order; NaN of a disc explains nothing."""

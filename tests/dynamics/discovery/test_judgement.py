@@ -4,9 +4,10 @@ from fractions import Fraction
 
 import pytest
 import sympy as sp
+from flint import arb, ctx
 
 from service.dynamics.discovery.judgement import judge_integral, judge_relation
-from service.dynamics.discovery.outcomes import EmptyRelationsError, UndefinedFunctionError
+from service.dynamics.discovery.outcomes import EmptyRelationsError, TooManyTermsError, UndefinedFunctionError
 from service.dynamics.discovery.setting import read_setting
 from service.dynamics.errors import ImpossibleInertiaError
 from service.dynamics.formula.algebras.symbolic import SymbolicAlgebra
@@ -176,3 +177,74 @@ def test_what_cannot_be_asked_is_refused_where_it_stands(moments, field, functio
     with pytest.raises(error) as refused:
         judge_integral(read_setting(moments, field), function)
     assert refused.value.pointer == pointer
+
+
+@pytest.mark.parametrize(
+    ("moments", "power"), [({"A": Fraction(2), "B": Fraction(3, 2), "C": Fraction(1)}, 20), ({}, 12)]
+)
+def test_the_dependence_of_a_high_power_of_the_energy_is_found_among_hundreds_of_products(moments, power):
+    found = judged(moments, "-g1", "", f"({ENERGY} - g1)^{power}")
+    assert (found.verdict, found.independent) == ("integral", False)
+    assert found.dependence in (f"I - H^{power}", f"-I + H^{power}")
+
+
+LARGE = "(p + q + r + g1 + g2 + g3 + 1)"
+
+
+@pytest.mark.parametrize(
+    ("moments", "field", "function", "relations"),
+    [
+        ({}, "-g1", f"({ENERGY} - g1)^200", []),
+        ({}, "-g1", "p", [f"{LARGE}^4", f"{LARGE}^3 - p*q*r"]),
+        ({}, "(g1 + g2 + g3 + 1)^30", "p", ["q"]),
+    ],
+)
+def test_what_is_too_large_for_a_proof_is_undecided(moments, field, function, relations):
+    found = judged(moments, field, "", function, relations=relations)
+    assert (found.verdict, found.proof, found.independent) == ("undecided", None, None)
+
+
+@pytest.mark.parametrize(
+    ("moments", "field", "function", "relations", "error", "pointer"),
+    [
+        ({}, "g1", "p", ["q", f"{LARGE}^40"], TooManyTermsError, "/relations/1"),
+        ({}, "g1", "p", ["1/(g1^2 + g2^2 + g3^2 - 1)"], UndefinedFunctionError, "/relations/0"),
+        ({}, "1/(g1^2 + g2^2 + g3^2 - 1)", "p", [], UndefinedFunctionError, "/potential/expression"),
+        ({"A": "B/(C - C)"}, "g1", "p", [], UndefinedFunctionError, "/body/A"),
+        ({"A": "exp(B)"}, "g1", "p", [], FormulaError, "/body/A"),
+        ({"A": "-B - C^2"}, "g1", "p", [], ImpossibleInertiaError, "/body/A"),
+    ],
+)
+def test_a_fault_of_a_part_is_told_at_that_part(moments, field, function, relations, error, pointer):
+    with pytest.raises(error) as refused:
+        judge_integral(read_setting(moments, field), function, relations=relations)
+    assert refused.value.pointer == pointer
+
+
+def test_a_relation_that_is_too_large_or_empty_is_refused_as_the_function_that_it_is():
+    for function, error in ((f"{LARGE}^40", TooManyTermsError), ("1", EmptyRelationsError)):
+        with pytest.raises(error) as refused:
+            judge_relation(read_setting({}, "g1"), function)
+        assert refused.value.pointer == "/function"
+
+
+def test_a_power_of_a_relation_is_the_relation_with_as_many_times_its_multiplier():
+    # (f²)' = 2 f f' = 2 μ f². The derivative of p² is 0 where p is, though motions do not keep p = 0.
+    setting = read_setting({"A": Fraction(3), "B": Fraction(2), "C": Fraction(3, 2)}, "g1 + g3")
+    assert judge_relation(setting, "(A*p + C*r)^2").multiplier == "2*q/3"
+    assert judge_relation(setting, "p^2").verdict == "not_invariant"
+    assert judge_relation(setting, "(p + q)^9").verdict == "not_invariant"
+
+
+def test_pi_in_a_moment_or_a_relation_is_the_number():
+    free = read_setting({"A": Fraction(2), "B": Fraction(2), "C": Fraction(1)}, "0")
+    on_relation = judge_integral(free, "g2", relations=["r - pi"]).counterexample
+    other = read_setting({"A": "pi*C", "B": Fraction(2), "C": Fraction(1)}, "g1")
+    on_level = judge_integral(other, "p", areas_zero=True).counterexample
+    with ctx.workprec(128):
+        assert (arb(on_relation.omega[2], on_relation.radius) - arb.pi()).contains(0)
+        p, q, r, g1, g2, g3 = (arb(x, on_level.radius) for x in (*on_level.omega, *on_level.gamma))
+        areas = arb.pi() * p * g1 + 2 * q * g2 + r * g3
+        assert areas.contains(0)
+        # Enclosures at 128 bits, printed with 25 digits.
+        assert areas.rad() < 1e-20

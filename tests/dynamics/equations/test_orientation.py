@@ -14,6 +14,7 @@ from service.dynamics.equations.orientation import (
     LOCAL_QUATERNION,
     QUATERNION,
     attitude,
+    azimuth_rate,
     evaluated_alone,
     orientation_columns,
     orientation_errors,
@@ -52,6 +53,15 @@ def test_the_matrix_of_a_product_is_the_product_of_the_matrices(left, right):
     assert np.abs(product - rotation_matrix(left) @ rotation_matrix(right)).max() <= 16 * ULP
     assert np.abs(product @ product.T - np.eye(3)).max() <= 24 * ULP
     assert np.linalg.det(product) == pytest.approx(1.0, abs=24 * ULP)
+
+
+@pytest.mark.parametrize("axis", [0, 2])
+def test_the_slopes_of_an_azimuth_are_those_of_its_rate(axis):
+    state, gap = np.array([0.4, -0.3, 1.1, 0.48, 0.6, 0.64]), 1e-6
+    apart = gap * np.eye(6)
+    differences = (azimuth_rate(state + apart, axis)[0] - azimuth_rate(state - apart, axis)[0]) / (2.0 * gap)
+    # Roundings of a rate of size 2 over the gap; the third derivatives leave 1e-12 times as much.
+    assert azimuth_rate(state, axis)[1] == pytest.approx(differences, abs=1e-9)
 
 
 @given(directions.filter(lambda g: np.hypot(g[1], g[2]) > 1e-5))

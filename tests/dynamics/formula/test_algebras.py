@@ -26,6 +26,7 @@ def _ball(value: Fraction) -> arb:
     return arb(fmpq(value.numerator, value.denominator))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("text", POTENTIALS)
 @given(g1=POSITIVE, g2=SIGNED, g3=POSITIVE)
 def test_doubles_lie_in_the_balls_of_their_arguments(

@@ -30,6 +30,7 @@ def _balls(point: tuple[Fraction, ...]) -> tuple[arb, ...]:
     return tuple(arb(fmpq(x.numerator, x.denominator)) for x in point)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("text", POTENTIALS + COMPOSED)
 @pytest.mark.parametrize("point", POINTS)
 def test_gradient_and_hessian_are_those_of_sympy(text: str, point: tuple[Fraction, ...]) -> None:

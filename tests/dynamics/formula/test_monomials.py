@@ -155,6 +155,7 @@ def test_what_has_roots_functions_or_values_on_one_side_is_no_laurent_polynomial
     assert laurent(tape_of(text), -1) is None
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("text", "rules"),
     [

@@ -13,7 +13,7 @@ from service.dynamics.formula.algebras.jets import FirstOrderJets, SecondOrderJe
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.programs import OFTEN, Way, traced_program
+from service.dynamics.formula.programs import MANY_EVALUATIONS, Way, traced_program
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.tree import Tree
 from service.dynamics.potentials.potential import SECOND_ORDER, VALUE, FormulaPotential
@@ -43,8 +43,8 @@ def way(kind):
 
 
 def program(tape: Tape, kind):
-    asked = [tape.program(kind, way(kind)) for _ in range(OFTEN + 2)]
-    assert asked[:OFTEN] == [None] * OFTEN
+    asked = [tape.program(kind, way(kind)) for _ in range(MANY_EVALUATIONS + 2)]
+    assert asked[:MANY_EVALUATIONS] == [None] * MANY_EVALUATIONS
     return asked[-1]
 
 
@@ -142,6 +142,6 @@ def test_an_equal_tape_of_another_problem_has_the_programs_too():
     text = "g1*g2*17/19 + g3"
     first, second = (compile_tape(parse(text)) for _ in range(2))
     assert first is not second
-    assert [first.program("V", VALUE) for _ in range(OFTEN + 1)] == [None] * (OFTEN + 1)
+    assert [first.program("V", VALUE) for _ in range(MANY_EVALUATIONS + 1)] == [None] * (MANY_EVALUATIONS + 1)
     assert second.program("V", VALUE) is not None
     assert compile_tape(parse("g1*g2*17/19 - g3")).program("V", VALUE) is None

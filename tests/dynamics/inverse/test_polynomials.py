@@ -43,6 +43,7 @@ def rank(polynomials: list[Polynomial]) -> int:
     return int(fmpq_mat(rows).rank())
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("alpha", "dimensions"), DIMENSIONS)
 def test_the_space_is_the_kernel_of_the_compatibility_equation(alpha, dimensions):
     alpha = Fraction(alpha)

@@ -127,7 +127,7 @@ SIDES = {
 }
 
 
-@pytest.mark.parametrize("name", one_in(2, SIDES))
+@pytest.mark.parametrize("name", one_in(5, SIDES))
 def test_windows_end_where_p_squared_is_infinite(name):
     """Each such side is the end of one window of the kind ``collision``, and no other window is of it."""
     text, sides = SIDES[name]
@@ -197,6 +197,7 @@ def test_what_outgrows_every_power_has_its_own_word(term):
 
 
 # G, and the zeros of 1 − 2 g1 G between -1 and 1.
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("size", [1, 40])
 @pytest.mark.parametrize(
     ("G", "value"),
@@ -224,6 +225,7 @@ def test_a_term_that_vanishes_with_an_infinite_slope_is_no_end_where_p_squared_i
     assert all(covered)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("F", "G", "sides"),
     [
@@ -282,6 +284,7 @@ def test_of_windows_that_end_at_one_size_of_g1_the_northern_is_first(g3_sign):
     assert (south.ends, south.g2) == (("pole", "collision"), (-1.0, -0.5))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("F", ["-sqrt(w)/2", "-exp(-w)"])
 @pytest.mark.parametrize(
     ("G", "edge"), [("sqrt(g2-1/5)/10", 0.2), ("(1/2-g2)^(3/2)/50", 0.5), ("sqrt(g2)/10", 0.0)]

@@ -19,6 +19,7 @@ def kinds(text, moments=(2, 1), motion=None):
     return sorted(window.kind for window in found)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("text", "moments", "expected"),
     [
@@ -51,6 +52,7 @@ def test_a_gap_on_the_equator_is_told_from_none(n):
         assert window.ends == ("pole", end)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("n", [300, 1000, 5000])
 def test_a_gap_off_the_equator_is_told_from_none(n):
     well = f"((g2-1/3)^2-exp(-{n}))"
@@ -62,6 +64,7 @@ def test_a_gap_off_the_equator_is_told_from_none(n):
     assert len(kinds(f"-{Q}*{hill}", GENERAL)) == 1
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     "text",
     [

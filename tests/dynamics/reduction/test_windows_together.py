@@ -72,6 +72,7 @@ def assert_the_same(rigid_body, potential, motions):
             assert other.rad() <= 4 * one.rad()
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("moments", "text"), TEXTS)
 def test_the_windows_are_those_of_each_curve_alone(moments, text):
     rigid_body = body(*moments)

@@ -65,6 +65,7 @@ def seen(dense, times):
     return max(shares, default=0.0)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("count", [2, 3, 40, 200, 1000])
 @pytest.mark.parametrize(
     ("dense", "start", "stop"),

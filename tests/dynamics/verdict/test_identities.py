@@ -33,6 +33,7 @@ def differences(left, right):
         return [value for value in values if value.is_finite()]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("left", "right"), TRUE)
 def test_identities_are_proved(left, right):
     found = differences(left, right)
@@ -41,6 +42,7 @@ def test_identities_are_proved(left, right):
     assert is_proved(left, right)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("left", "right"), FALSE)
 def test_what_holds_nearly_or_on_a_part_of_the_sphere_is_not_proved(left, right):
     assert any(not value.contains(0) for value in differences(left, right))

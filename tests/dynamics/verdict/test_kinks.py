@@ -116,6 +116,7 @@ def largest_q(text: str, h: float) -> float:
     return float(np.abs(states[1]).max())
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("text", "h"),
     [

@@ -68,6 +68,7 @@ def test_the_building_blocks_of_the_rational_family_are_proved(n):
     assert is_proved(verdict_on(W(n)))
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("alpha", ALPHAS)
 @pytest.mark.parametrize("n", range(3))
 def test_the_homogeneous_blocks_are_proved_for_any_ratio_of_moments(alpha, n):

@@ -17,7 +17,7 @@ from service.storage.tables.jobs import JobRow
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.finishing import finish_success
 from tests.support.lists import list_jobs
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 
 def test_many_writers_never_find_the_database_busy(jobs):

@@ -23,7 +23,7 @@ from service.storage.upkeep.presence import ServicePresence
 from tests.support.api import STATE, TestClient
 from tests.support.databases import url_of
 from tests.support.postgres import binaries
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 Disk = namedtuple("Disk", "f_blocks f_bfree f_bavail f_frsize")
 

@@ -17,6 +17,7 @@ from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.jobs import JobRow
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.finishing import finish_success
+from tests.support.waiting import PATIENCE
 
 SOLUTION = Solved(SUMMARY, b"dense", b"samples")
 ALICE, BOB, CAROL = (new_id() for _ in range(3))
@@ -159,7 +160,7 @@ def test_the_sweep_of_one_key_does_not_starve_that_of_another(jobs, sweeps):
 def test_being_away_or_cancelling_changes_no_share(jobs, submit):
     submit(20, key_id=ALICE)
     assert keys_in_order(jobs, 5) == [ALICE] * 5
-    for job_id in submit(500, key_id=BOB):
+    for job_id in submit(100, key_id=BOB):
         jobs.cancel(job_id)
     (job_id,) = submit(key_id=BOB)
     assert job_id in [claim.job_id for claim in take(jobs, 2)]
@@ -199,7 +200,7 @@ def test_requests_of_a_key_at_the_same_instant_get_turns_of_their_own(postgres_u
     together = Barrier(4)
 
     def submit(_):
-        together.wait(timeout=30)
+        together.wait(timeout=PATIENCE)
         for _ in range(5):
             SqlJobStore(database).submit(PROBLEM, new_id(), key_id=ALICE)
 

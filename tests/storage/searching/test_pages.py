@@ -135,6 +135,7 @@ def test_pages_in_the_order_of_time_are_read_from_the_index_of_labels(
         assert ids_by_cursor(database, query, len(whole)) == whole
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("common", [True, False])
 def test_a_condition_on_a_label_reads_the_index_of_labels_however_many_rows_there_are(database, common):
     plans = []

@@ -51,6 +51,7 @@ WAYS = {
 }
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("way", WAYS)
 @given(rows, st.lists(led_queries, min_size=2, max_size=2))
 @settings(
@@ -132,6 +133,7 @@ def solutions(count):
     ]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("where", "order", "index"),
     [

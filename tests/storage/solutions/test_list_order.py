@@ -1,8 +1,8 @@
 """Lists come in their order from an index: every page of them, nulls and ties included."""
 
 from contextlib import contextmanager
+from itertools import product
 
-import pytest
 from sqlalchemy import delete, event, text
 
 from service.jobs.records import JobState
@@ -81,16 +81,15 @@ def assert_is_walked(found, word):
         assert "Sort" not in plan, plan
 
 
-@pytest.mark.parametrize("descending", [True, False])
-@pytest.mark.parametrize("sort", [*SORTED, "/motion/lambda"])
-def test_every_order_of_solutions_is_walked_on_an_index(database, sort, descending):
+def test_every_order_of_solutions_is_walked_on_an_index(database):
     # One has the number and one has not: both parts of the order are read.
     store(database, [(1.0, 1.0, "gravity"), (None, None, None)])
-    with plans(database) as found:
-        page = SolutionStore(database).find(solution_query(sort, descending, offset=1, limit=2))
-        assert page.total == 2
-        SolutionStore(database).find(solution_query(sort, descending, offset=90_000))
-    assert_is_walked(found, only_an_index(database))
+    for sort, descending in product([*SORTED, "/motion/lambda"], [True, False]):
+        with plans(database) as found:
+            page = SolutionStore(database).find(solution_query(sort, descending, offset=1, limit=2))
+            assert page.total == 2
+            SolutionStore(database).find(solution_query(sort, descending, offset=90_000))
+        assert_is_walked(found, only_an_index(database))
 
 
 def test_filters_are_counted_without_reading_the_rows(database):
@@ -110,21 +109,17 @@ def test_filters_are_counted_without_reading_the_rows(database):
             assert only_an_index(database) in plan, plan
 
 
-@pytest.mark.parametrize("state", [None, *JobState])
-def test_lists_of_jobs_are_walked_on_an_index(database, state):
+def test_lists_of_jobs_and_sweeps_are_walked_on_an_index(database):
     SqlJobStore(database).submit(PROBLEM, "digest")
-    with plans(database) as found:
-        list_jobs(SqlJobStore(database), state=state, offset=90_000)
     is_sqlite = database.engine.dialect.name == "sqlite"
-    # For one row, Postgres does not care which of the two indexes it takes.
-    assert_is_walked(found, "COVERING INDEX" if is_sqlite else "Index")
-
-
-@pytest.mark.parametrize("state", [None, *JobState])
-def test_lists_of_sweeps_are_walked_on_an_index(database, state):
-    with plans(database) as found:
-        list_sweeps(SweepStore(database), state=state, offset=90_000)
-    assert_is_walked(found, only_an_index(database))
+    for state in (None, *JobState):
+        with plans(database) as found:
+            list_jobs(SqlJobStore(database), state=state, offset=90_000)
+        # For one row, Postgres does not care which of the two indexes it takes.
+        assert_is_walked(found, "COVERING INDEX" if is_sqlite else "Index")
+        with plans(database) as found:
+            list_sweeps(SweepStore(database), state=state, offset=90_000)
+        assert_is_walked(found, only_an_index(database))
 
 
 def test_the_oldest_job_that_waits_is_found_by_an_index(database):

@@ -100,6 +100,7 @@ def expected(query, there):
     return kept[query.offset : stop], len(kept)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.random_law
 @settings(
     max_examples=examples(12, 60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
@@ -118,6 +119,7 @@ def test_the_points_that_are_meant_are_found_in_their_order(stored, query):
             assert np.array_equal(block.numbers[name], EVERY[name][block.indices], equal_nan=True)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.random_law
 @settings(
     max_examples=examples(8, 60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
@@ -135,6 +137,7 @@ def test_what_comes_after_a_point_is_the_rest(stored, query):
         assert ids == whole[whole.index(index) + 1 :][: query.limit]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("order", [None, "period", "energy"])
 def test_small_memory_changes_nothing_but_the_blocks(stored, monkeypatch, order):
     store, sweep_id, _ = stored
@@ -154,6 +157,7 @@ def test_small_memory_changes_nothing_but_the_blocks(stored, monkeypatch, order)
         assert np.array_equal(*joined, equal_nan=True)
 
 
+@pytest.mark.one_in(2)
 def test_chunks_that_conditions_exclude_are_not_read(stored, monkeypatch):
     store, sweep_id, _ = stored
     reader, asked = PointReader(store, sweep_id, read_sweep(SWEEP), with_series=False), []

@@ -13,7 +13,7 @@ from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.operations import WorkerRow
 from service.storage.upkeep.presence import GONE_SECONDS, SERVICE, ServicePresence
 from tests.support.serving import serving
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 HERE = "this machine"
 

@@ -69,6 +69,7 @@ def test_a_whole_job_is_measured_and_not_only_its_computation(tmp_path, monkeypa
     assert not folder.exists()
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.kind}, {case.family}, {case.stop}")
 def test_a_case_is_of_the_kind_and_family_it_is_filed_under(case):
     document = json.loads(case.document("standard", SAMPLES))

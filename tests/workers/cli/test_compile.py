@@ -7,14 +7,15 @@ import json
 import os
 import subprocess
 import sys
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 
 import pytest
 
 from service.jobs.kernels import KERNELS, Kernels
 from service.local.worker_process import FOLDER_VARIABLE
-from tests.workers.processes import ROOT, wait_until
+from tests.support.waiting import wait_until
+from tests.workers.processes import ROOT
 from workers.cli import compile as task
 from workers.computation import compiled_code
 from workers.computation.compiled_code import GROUPS
@@ -90,10 +91,14 @@ def start(tmp_path):
 
 def holds_open(process, file):
     """Tell whether a process has a file open: so it waits for its lock."""
-    opened = Path(f"/proc/{process.pid}/fd")
-    return any(each.readlink() == file for each in opened.iterdir() if each.is_symlink())
+    for opened in Path(f"/proc/{process.pid}/fd").iterdir():
+        with suppress(FileNotFoundError):  # what was open is closed by now
+            if opened.readlink() == file:
+                return True
+    return False
 
 
+@pytest.mark.long
 def test_of_tasks_at_once_one_compiles_and_where_it_is_killed_another_goes_on(start, tmp_path):
     killed = start(stop_after=2)
     assert killed.stdout.readline() == "stopped\n"

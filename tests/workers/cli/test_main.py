@@ -11,7 +11,8 @@ from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
 from tests.support.commands import polhode
 from tests.support.databases import url_of
-from tests.workers.processes import ROOT, wait_until
+from tests.support.waiting import wait_until
+from tests.workers.processes import ROOT
 from workers.cli.main import main
 
 

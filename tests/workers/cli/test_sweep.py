@@ -13,7 +13,7 @@ from pyarrow import csv, ipc, parquet
 
 from service.schemas.sweep.reading import read_sweep
 from tests.support.commands import polhode
-from tests.workers.processes import wait_until
+from tests.support.waiting import PATIENCE, wait_until
 from workers.computation.compute import solve_document
 
 POLHODE = Path(sys.executable).with_name("polhode")
@@ -157,7 +157,7 @@ def test_ctrl_c_leaves_a_valid_file_and_says_what_is_missing(file, tmp_path):
         wait_until(lambda: out.exists() and out.stat().st_size > 1000, 60.0)
         # As a terminal does it: to every process of the group.
         os.killpg(process.pid, signal.SIGINT)
-        said, complaint = process.communicate(timeout=30)
+        said, complaint = process.communicate(timeout=PATIENCE)
     finally:
         process.kill()
         process.wait()

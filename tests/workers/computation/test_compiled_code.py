@@ -109,6 +109,7 @@ def hits_after_solving(document):
     return sum(solve_sets.stats.cache_hits.values())
 
 
+@pytest.mark.one_in(2)
 @each_once(first=["before", "after"], second=["after", "before"])
 def test_a_second_process_finds_what_the_first_has_compiled(tmp_path, first, second):
     assert run(CALLING, first, "yes", folder=tmp_path) == "0 1"
@@ -116,6 +117,7 @@ def test_a_second_process_finds_what_the_first_has_compiled(tmp_path, first, sec
     assert run(CALLING, second, "no", folder=tmp_path) == "1 0"
 
 
+@pytest.mark.long
 def test_a_second_clone_finds_what_the_first_has_compiled(tmp_path, clone):
     assert run(CALLING, "before", "yes", folder=tmp_path) == "0 1"
     assert run(CALLING, "before", "no", folder=tmp_path, root=clone) == "1 0"

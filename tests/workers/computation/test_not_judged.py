@@ -15,6 +15,7 @@ DOCUMENT = {
 }
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("tier", ["draft", "standard", "high"])
 def test_a_uniform_field_needs_a_body_of_double_moment(tier):
     """V = -g1 is admissible for A = 2C only: with another A the curve is a motion of no body.

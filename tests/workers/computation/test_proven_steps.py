@@ -86,6 +86,7 @@ def test_an_integration_of_a_planar_motion_encloses_what_its_quadrature_does():
     assert all(x.overlaps(y) for x, y in zip(by_steps.states[-1], by_quadrature.states[0], strict=True))
 
 
+@pytest.mark.long
 def test_a_collision_is_proven_until_shortly_before_it():
     """The time of the collision is that of its quadrature (32 digits): 1.066475594076…"""
     kept = solved(potential=COLLIDING, motion=NU_1, time={"stop": "1066475/1000000", "samples": 2}).summary
@@ -106,6 +107,16 @@ def test_a_classical_motion_is_enclosed_from_its_exact_state(name):
     assert abs(float(outcome.summary["energy"]["value"]) - high.summary["energy"]["value"]) < 1e-13
 
 
+def test_333_bits_of_a_classical_motion_begin_with_its_128():
+    accuracies = ({"tier": "certified", "bits": bits} for bits in (128, 333))
+    problems = (
+        read_problem(example("goriatchev", accuracy=each, time={"times": [1]})) for each in accuracies
+    )
+    few, many = (certified_samples(each)[1].states[0] for each in problems)
+    assert all(is_narrow(value, 333) for value in many)
+    assert all(one.overlaps(other) for one, other in zip(few, many, strict=True))
+
+
 @pytest.mark.parametrize(
     ("sections", "pointer", "reason"),
     [
@@ -118,7 +129,6 @@ def test_a_classical_motion_is_enclosed_from_its_exact_state(name):
             "/potential",
             "formula",
         ),
-        ({**example("goriatchev"), "accuracy": {"tier": "certified", "bits": 333}}, "/accuracy/bits", "333"),
         ({**example("goriatchev"), "time": {"periods": 1, "samples": 2}}, "/time/periods", "period"),
     ],
 )
@@ -164,6 +174,55 @@ def _require_attitude(*state):
     first = a * a + b * b - c * c - d * d, 2 * (b * c + a * d)
     assert (first[0] * psi1.sin() - first[1] * psi1.cos()).contains(0)
     assert psi3.rad() < 2.0**-50
+
+
+@pytest.mark.parametrize(
+    ("text", "asked"),
+    [
+        ("-g1", {"nu": 1}),  # through the poles, where q changes its sign in a period
+        ("-g1 + 1/20/g3^2", {"lambda": 1}),
+        ("-g1 + 1/(50*g3^2) + 6/5*(g1^2 - g2^2)", {"lambda": 1, "window": 0}),  # to and fro
+    ],
+)
+def test_the_attitude_of_a_planar_motion_is_proven_by_one_period(text, asked):
+    """It is that of steps which go all the way, in every period before t = 0 and after it."""
+    sections = {
+        "potential": {"type": "expression", "expression": text},
+        "motion": {"type": "planar", **asked},
+        "time": {"times": [-9, -4, 0, 1, 5, 8, 14]},
+        "outputs": ["gamma", "orientation"],
+    }
+    _, proven, columns = certified_samples(read_problem(document(**sections)))
+    _, all_the_way, _ = certified_samples(read_problem(document(**sections, method="integration")))
+    assert proven.columns == all_the_way.columns
+    assert proven.period is not None
+    assert {round(float(t / proven.period)) for t in proven.times} >= {-1, 0, 1, 2}
+    for one, other in zip(proven.states, all_the_way.states, strict=True):
+        assert all(x.overlaps(y) for x, y in zip(one, other, strict=True))
+        assert all(is_narrow(value, 64) for value in one)
+        with ctx.workprec(128):
+            _require_attitude(*one)
+    assert {"q0", "q0.radius", "psi3", "psi3.radius"} <= set(columns)
+
+
+def test_late_attitudes_of_a_planar_motion_are_theorems():
+    """After 1e6 units of time; the azimuth has gone on by what it gains in each period."""
+    sections = {
+        "potential": {"type": "expression", "expression": "-g1"},
+        "motion": NU_1,
+        "time": {"times": [10**6]},
+        "outputs": ["gamma", "orientation"],
+    }
+    outcome = solved(**sections)
+    kinds, errors = outcome.summary["error_kind"], outcome.summary["errors"]
+    assert kinds["orientation"] == kinds["precession.psi1"] == "theorem"
+    (psi1,) = decode_arrays(outcome.samples)["psi1"]
+    gained, period = outcome.summary["precession"]["psi1"], outcome.summary["period"]
+    turns = Fraction(10**6) / Fraction(period["value"])
+    # Within a period it gains no more than 4.
+    assert abs(Fraction(psi1) - turns * Fraction(gained["value"])) < 4
+    assert errors["psi1"]["absolute"] <= 2e-10  # a double of 6e5
+    assert errors["quaternion"]["absolute"] <= 1e-15
 
 
 def test_a_steady_spin_has_the_azimuth_of_its_time():

@@ -316,6 +316,7 @@ def test_a_point_of_a_sweep_is_its_job_however_quick(monkeypatch, motion, stop, 
         assert_same(found, place, alone)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("accuracy", [{"tier": "standard"}, {"tier": "high"}, RELATIVE])
 @pytest.mark.parametrize("time", [{"stop": "1e-14", "samples": 5}, {"periods": 2, "samples": 5}])
 def test_sweeps_of_quick_motions_go_in_blocks(monkeypatch, time, accuracy):

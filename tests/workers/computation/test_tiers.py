@@ -142,6 +142,7 @@ def test_the_way_of_a_tier_is_told_in_the_evidence():
     assert read_problem(forced).method == "quadrature"
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("asked", [{"accuracy": {"tier": t}} for t in ("draft", "standard", "high")])
 def test_a_potential_given_by_an_integral_is_left_to_the_balls(asked):
     # A = 2C, where the others have closed forms.

@@ -80,6 +80,7 @@ def assert_same(one, other):
     assert (one.dense, one.samples) == (other.dense, other.samples)
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("name", "tier"), CASES)
 def test_windows_that_are_handed_on_change_no_bit(forgetful, name, tier):
     document = PROBLEMS[name] | {"accuracy": {"tier": tier}}

@@ -2,9 +2,9 @@ import pytest
 
 from service.sandbox import Sandbox
 from tests.support.dask_cluster import Cluster, Network
+from tests.support.waiting import wait_until
 from tests.workers.chores import CHORES, TASKS
 from tests.workers.process.together import LIMITS
-from tests.workers.processes import wait_until
 from workers.process.cluster import DaskPool
 from workers.process.pool import ChildrenPool
 

@@ -5,8 +5,8 @@ from sqlalchemy.exc import OperationalError
 
 from service.jobs.queue import BatchSize
 from service.jobs.records import AttemptOutcome, JobState
+from tests.support.waiting import wait_until
 from tests.workers.process.together import LIMITS, Together
-from tests.workers.processes import wait_until
 from workers.process import runner as runner_module
 
 pytestmark = pytest.mark.any_database

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -18,9 +17,10 @@ from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome, d
 from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.dask_cluster import Cluster, Network, kill_group
+from tests.support.waiting import is_alive, wait_until
 from tests.workers.chores import SOURCE
 from tests.workers.process.together import LIMITS
-from tests.workers.processes import ROOT, wait_until
+from tests.workers.processes import ROOT
 from workers.process.cluster import DaskPool
 from workers.process.dask_worker import TOPIC
 from workers.process.messages import MessageError, outcomes_in, pack_outcomes, unpack
@@ -82,7 +82,7 @@ def test_a_bridge_computes_jobs_and_sweeps_and_says_where(
     job = jobs.submit({"chore": "spin", "log": str(tmp_path / "log")}, "cancelled")
     (child,) = wait_until(lambda: begun(tmp_path / "log"))
     jobs.cancel(job.id)
-    wait_until(lambda: not os.path.exists(f"/proc/{child}"))  # noqa: PTH110
+    wait_until(lambda: not is_alive(child))
     assert bridge.terminate() == 0
 
 
@@ -97,10 +97,10 @@ def test_a_worker_that_is_killed_costs_what_had_begun_one_attempt(own_cluster, c
     with pytest.raises(SandboxCrashError):
         lost[0].outcomes()
     # Its child ends with it, and the other one with its batch, whoever ends it.
-    wait_until(lambda: sum(os.path.exists(f"/proc/{child}") for child in children) == 1)  # noqa: PTH110
+    wait_until(lambda: sum(is_alive(child) for child in children) == 1)
     for batch in long:
         batch.kill()
-    wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in children))  # noqa: PTH110
+    wait_until(lambda: not any(is_alive(child) for child in children))
     assert len(begun(log)) == 2  # Dask has not run it again
     own_cluster.start_worker()
 
@@ -126,7 +126,7 @@ time.sleep(3600)
     finally:
         bridge.kill()
         bridge.wait()
-    wait_until(lambda: not os.path.exists(f"/proc/{child}"))  # noqa: PTH110
+    wait_until(lambda: not is_alive(child))
 
 
 def test_a_worker_that_is_silent_is_given_up_and_used_again_when_it_goes_on(own_cluster, connected, tmp_path):
@@ -145,7 +145,7 @@ def test_a_worker_that_is_silent_is_given_up_and_used_again_when_it_goes_on(own_
     for batch in batches:
         batch.kill()
     # What it went on with is stopped, too: nobody wants it.
-    wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in begun(log)))  # noqa: PTH110
+    wait_until(lambda: not any(is_alive(child) for child in begun(log)))
 
 
 def test_a_network_that_stalls_costs_nobody_an_attempt(own_cluster, connected, tmp_path):
@@ -162,7 +162,7 @@ def test_a_network_that_stalls_costs_nobody_an_attempt(own_cluster, connected, t
         assert not pool.cluster().is_connected
         network.resume()
         wait_until(lambda: pool.cluster().workers == 2)
-        wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in begun(log)))  # noqa: PTH110
+        wait_until(lambda: not any(is_alive(child) for child in begun(log)))
         after = start(pool, {})
         wait_until(lambda: after.has_ended)
         assert len(after.outcomes()) == 1
@@ -181,7 +181,7 @@ def test_a_worker_that_retires_costs_nobody_an_attempt(own_cluster, connected, t
     batches[1].kill()
     own_cluster.start_worker()
     wait_until(lambda: pool.cluster().workers == 2)
-    wait_until(lambda: not any(os.path.exists(f"/proc/{child}") for child in begun(log)))  # noqa: PTH110
+    wait_until(lambda: not any(is_alive(child) for child in begun(log)))
 
 
 def test_a_worker_of_another_version_is_left_out_and_says_why(own_cluster, connected):
@@ -205,6 +205,7 @@ def test_two_bridges_share_a_cluster(own_cluster, connected):
     assert all(len(batch.outcomes()) == 1 for batch in batches)
 
 
+@pytest.mark.long
 def test_a_scheduler_that_is_started_anew_costs_nobody_an_attempt(own_cluster, connected, tmp_path):
     pool, log = connected(own_cluster, places=2), tmp_path / "log"
     batch = start(pool, {"chore": "sleep", "seconds": HOUR, "log": str(log)})
@@ -297,6 +298,7 @@ for message in (pickle.dumps(print), dumps({"reply": to_serialize(threading.Even
 """
 
 
+@pytest.mark.long
 def test_a_bridge_unpickles_nothing_but_bytes():
     done = subprocess.run([sys.executable, "-c", REFUSING], capture_output=True, text=True, cwd=ROOT)
     assert done.stdout.split() == ["refused", "MessageError"] * 2, done.stderr[-2000:]

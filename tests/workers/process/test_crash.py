@@ -8,7 +8,8 @@ import pytest
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, JobState
 from service.storage.jobs.moves import BEGUN
-from tests.workers.processes import stop_between_transactions, wait_until
+from tests.support.waiting import wait_until
+from tests.workers.processes import stop_between_transactions
 
 LEASE = 1.0
 """Lease of the workers in these tests."""
@@ -72,6 +73,7 @@ def test_a_second_worker_takes_over_from_a_killed_one(jobs, start_worker, log):
     assert len(children(log)) == 2
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("chore", ["spin", "sleep"])
 def test_nothing_is_left_of_a_killed_worker(jobs, start_worker, log, chore):
     jobs.submit({"chore": chore, "seconds": 60, "log": str(log)}, "digest")
@@ -132,6 +134,7 @@ def test_a_worker_that_slept_through_its_lease_does_not_finish_the_job(jobs, url
     assert jobs.get(job.id).attempt == 2
 
 
+@pytest.mark.long
 @pytest.mark.any_database
 def test_no_other_job_pays_for_the_one_at_which_workers_die(jobs, start_worker, log):
     problems = [{"number": number} for number in range(40)]

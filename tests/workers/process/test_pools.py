@@ -1,7 +1,6 @@
 """Laws of every pool: what has begun and ended, limits, a stop before the next call, a kill."""
 
 import json
-import os
 from concurrent.futures import CancelledError
 
 import numpy as np
@@ -10,8 +9,8 @@ import pytest
 from service.jobs.records import JobKind, Refused, Solved
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.codecs.packing import decode_points
+from tests.support.waiting import is_alive, wait_until
 from tests.workers.chores import SOURCE
-from tests.workers.processes import wait_until
 
 pytestmark = pytest.mark.parametrize("pool", ["local", "dask"], indirect=True)
 HOUR = 3600.0
@@ -102,5 +101,5 @@ def test_a_kill_ends_the_child(pool, tmp_path, others):
     batch.kill()
     with pytest.raises(CancelledError):
         ended(batch).outcomes()
-    wait_until(lambda: not os.path.exists(f"/proc/{child}"))  # noqa: PTH110
+    wait_until(lambda: not is_alive(child))
     assert isinstance(ended(start(pool, {})).outcomes()[0], Solved)

@@ -1,6 +1,5 @@
 """What becomes of jobs in a real worker: limits, cancelling, stopping, waking."""
 
-import os
 import signal
 
 import pytest
@@ -10,8 +9,7 @@ from service.local.wakeup import WakeUpSocket
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.lists import list_jobs
-from tests.support.waiting import wait_for
-from tests.workers.processes import PATIENCE, wait_until
+from tests.support.waiting import PATIENCE, is_alive, wait_for, wait_until
 
 pytestmark = pytest.mark.any_database
 
@@ -36,10 +34,6 @@ def finished(jobs, job):
     return wait_until(lambda: jobs.get(job.id).is_finished and jobs.get(job.id))
 
 
-def is_alive(pid):
-    return os.path.exists(f"/proc/{pid}")  # noqa: PTH110
-
-
 def test_jobs_succeed_with_their_results(jobs, solutions, start_worker):
     submitted = [jobs.submit({"number": n}, str(n)) for n in range(10)]
     start_worker(slots=2)
@@ -53,6 +47,7 @@ def test_jobs_succeed_with_their_results(jobs, solutions, start_worker):
         )
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("chore", "code"),
     [
@@ -205,6 +200,7 @@ def test_points_that_a_chunk_hands_back_are_computed_by_another(database, start_
     assert finished_sweep(database, sweep) == {}
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("chore", "code"),
     [("crash", "lost_worker"), ("raise", "internal_error"), ("spin", "time_limit"), ("hog", "memory_limit")],

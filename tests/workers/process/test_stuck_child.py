@@ -7,8 +7,8 @@ import pytest
 
 from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
+from tests.support.waiting import PATIENCE, wait_until
 from tests.workers import chores
-from tests.workers.processes import wait_until
 from workers.process import pool as pool_module
 from workers.process.pool import ChildrenPool
 from workers.process.results import JobLimits
@@ -32,7 +32,7 @@ def test_its_job_goes_to_a_new_child(jobs, sandbox, monkeypatch, tmp_path):
         lease_seconds=3600.0, job_seconds=3600.0, memory_mb=1000, max_attempts=3, retry_seconds=0
     )
     runner = Runner(jobs, ChildrenPool(sandbox, chores.CHORES, slots=1), name="worker", limits=limits)
-    frozen = sandbox.run(os.getpid, seconds=30)
+    frozen = sandbox.run(os.getpid, seconds=PATIENCE)
     os.kill(frozen, signal.SIGSTOP)
     job = jobs.submit({"log": str(tmp_path / "log")}, "digest")
 

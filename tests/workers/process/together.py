@@ -4,7 +4,7 @@ from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, JobState
 from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import SqlJobStore
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 from workers.process.pool import Pool
 from workers.process.results import JobLimits
 from workers.process.runner import Runner

@@ -63,6 +63,7 @@ def test_a_tier_asks_its_own_kernel_and_then_all_that_the_next_one_asks(cheaper,
         assert [name for name in ORDER if name in one] == list(one)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("specimen", PLANAR, ids=str)
 def test_what_computes_a_motion_is_no_dearer_than_at_the_next_tier(specimen: Specimen, monkeypatch):
     asked: list[FamilyName] = []

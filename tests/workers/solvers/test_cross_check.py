@@ -5,6 +5,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+import pytest
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.families.gravity import gravity_potential
@@ -125,6 +126,7 @@ def test_a_witness_that_cannot_follow_is_no_disagreement():
     assert "could not follow the motion from t = 0 on: the " in said
 
 
+@pytest.mark.long
 def test_weak_kink_that_both_runs_cross_alike_is_no_disagreement():
     """What a crossing leaves, both left alike: their difference said 1e-9 where they were off by 1.5e-9."""
     rigid_body = RigidBody(Fraction(251, 250), Fraction(251, 250), Fraction(251, 500), allow_unphysical=True)

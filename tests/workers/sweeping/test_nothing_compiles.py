@@ -81,7 +81,7 @@ def test_sweeps_in_blocks_of_numbers_bodies_and_states(child, tier):
         assert child.run(compute_chunk, json.dumps(asked), seconds=None).refused == refused
 
 
-@pytest.mark.parametrize("name", one_in(3, [*IN_BLOCKS, *IN_MOVING]))
+@pytest.mark.parametrize("name", one_in(8, [*IN_BLOCKS, *IN_MOVING]))
 def test_all_kinds_of_sweeps_in_blocks(child, name):
     document = {**IN_BLOCKS, **IN_MOVING}[name]
     count = min(64, read_sweep(document).points)

@@ -667,7 +667,7 @@ def alone(swept, index):
 
 @pytest.mark.usefixtures("no_hurry")
 @pytest.mark.parametrize(
-    "name", [*one_in(2, IN_BLOCKS), *one_in(2, [*IN_MOVING, *IN_SLICES, *OF_STATES, *ONE_BY_ONE])]
+    "name", [*one_in(6, IN_BLOCKS), *one_in(5, [*IN_MOVING, *IN_SLICES, *OF_STATES, *ONE_BY_ONE])]
 )
 def test_every_bit_of_a_point_is_that_of_its_job(name):
     document = {**IN_BLOCKS, **IN_MOVING, **IN_SLICES, **OF_STATES, **ONE_BY_ONE}[name]
@@ -688,7 +688,7 @@ def test_every_bit_of_a_point_is_that_of_its_job(name):
 
 
 @pytest.mark.usefixtures("no_hurry")
-@pytest.mark.parametrize("name", one_in(2, IN_BLOCKS))
+@pytest.mark.parametrize("name", one_in(6, IN_BLOCKS))
 def test_a_sweep_that_says_so_goes_in_blocks(name, monkeypatch):
     document = IN_BLOCKS[name]
     assert make_plan(read_sweep(document)).compiled is not None
@@ -733,6 +733,7 @@ def test_other_sweeps_go_point_by_point(name):
     assert chunk.ChunkSolver(plan)._blocks is None
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.usefixtures("no_hurry")
 @pytest.mark.parametrize("name", IN_MOVING)
 def test_points_of_other_bodies_and_exponents_go_in_blocks(name, monkeypatch):
@@ -763,6 +764,7 @@ LEFT = {
 """Points that are left to single jobs."""
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.usefixtures("no_hurry")
 @pytest.mark.parametrize("name", IN_SLICES)
 def test_slices_of_a_sweep_go_in_blocks(name, monkeypatch):

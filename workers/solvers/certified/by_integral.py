@@ -122,9 +122,16 @@ def motion_by_integral(
     What ``find_arc`` finds is proven. Where it does not decide, or the motion is not there, the windows
     are looked for in balls.
     """
-    known = _known(body, potential, motion, bits)
-    if known is not None:
-        return known
+    found = _known(body, potential, motion, bits)
+    if found is None:
+        found = _proved(body, potential, motion, bits, find_arc)
+        _keep(body, potential, motion, found)
+    return found
+
+
+def _proved(
+    body: RigidBody, potential: Potential, motion: PlanarMotion, bits: int, find_arc: FindArc | None
+) -> IntegralMotion:
     arc = None if find_arc is None else find_arc(body, potential, motion)
     start = None if arc is None else start_on(arc, motion)
     if start is not None:
@@ -140,32 +147,42 @@ def motion_by_integral(
 def way_from(
     body: RigidBody, potential: Potential, motion: PlanarMotion, start: StartingPoint, bits: int
 ) -> IntegralMotion:
-    """Return a motion through poles that :func:`motion_by_integral` will then not look for once more.
+    """Return the motion from a known start, which :func:`motion_by_integral` then does not look for.
 
     Raises as :func:`integral_motion`.
     """
     found = _known(body, potential, motion, bits)
     if found is None:
         found = integral_motion(start, bits)
-        _KNOWN[_key(body, potential, motion, bits)] = potential, found
-        while len(_KNOWN) > KEPT:
-            # Another thread may have taken the oldest one away.
-            _KNOWN.pop(next(iter(_KNOWN), None), None)
+        _keep(body, potential, motion, found)
     return found
 
 
-_Key = tuple[RigidBody, int, PlanarMotion, int, int]
+_Key = tuple[RigidBody, Potential | int, PlanarMotion, int, int, bool]
 _KNOWN: dict[_Key | None, tuple[Potential, IntegralMotion]] = {}
-"""The last KEPT ways through poles, the oldest first; while a potential is kept, no other has its number."""
+"""The last KEPT motions, the oldest first: other tiers and times of a problem ask for the same one.
+
+While a potential is kept, no other has its number.
+"""
 
 
 def _known(body: RigidBody, potential: Potential, motion: PlanarMotion, bits: int) -> IntegralMotion | None:
-    found = _KNOWN.get(_key(body, potential, motion, bits))
-    return found[1] if found is not None and found[0] is potential else None
+    for wanted, is_way in ((bits, False), (way_bits(bits), True)):
+        found = _KNOWN.get(_key(body, potential, motion, wanted, is_way))
+        if found is not None:
+            return found[1]
+    return None
 
 
-def _key(body: RigidBody, potential: Potential, motion: PlanarMotion, bits: int) -> _Key:
-    return body, id(potential), motion, ctx.prec, way_bits(bits)
+def _keep(body: RigidBody, potential: Potential, motion: PlanarMotion, found: IntegralMotion) -> None:
+    _KNOWN[_key(body, potential, motion, found.bits, isinstance(found.phase, PolarWay))] = potential, found
+    while len(_KNOWN) > KEPT:
+        # Another thread may have taken the oldest one away.
+        _KNOWN.pop(next(iter(_KNOWN), None), None)
+
+
+def _key(body: RigidBody, potential: Potential, motion: PlanarMotion, bits: int, is_way: bool) -> _Key:
+    return body, potential if potential.has_formula else id(potential), motion, ctx.prec, bits, is_way
 
 
 def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:

@@ -54,6 +54,8 @@ class Certified:
     """γ·γ, 1 of planar motions."""
     columns: tuple[str, ...] = COLUMNS
     """The names of what ``states`` have: after the six variables those of the attitude, if it is proven."""
+    precession: tuple[arb, arb] | None = None
+    """What ψ1 and ψ3 gain in a period, if that is proven."""
 
 
 class _Motion(Protocol):

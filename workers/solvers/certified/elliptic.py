@@ -1,6 +1,6 @@
 r"""The six variables in elliptic functions of time, in balls.
 
-With the constants of :mod:`workers.solvers.closed_form.elliptic` the phase is
+With the constants of :mod:`workers.solvers.closed_form.family` the phase is
 
 .. math:: \dot\chi = \tfrac12\sqrt{a_0^2\cos^2\chi + b_0^2\sin^2\chi} .
 

@@ -29,7 +29,7 @@ from workers.solvers.certified.errors import CertifiedUnavailableError, Precisio
 from workers.solvers.certified.orbit import passes_pole
 from workers.solvers.certified.time_model import SLACK, TimeModel, TimePiece
 from workers.solvers.certified.way import PassagePhase, PolarWay
-from workers.solvers.complex_plane.complex_loop import MANY
+from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA
 from workers.solvers.complex_plane.passage import unit_at_poles
 from workers.solvers.errors import PrecisionLostError
 from workers.solvers.orbits.graded import refine_near_poles
@@ -55,7 +55,7 @@ class WayFamily:
             return False
         loop = arc.loop
         return loop.potential.has_formula and (
-            loop.alpha > MANY or unit_at_poles(loop, loop.potential.tape) > 0
+            loop.alpha > MAX_WHOLE_ALPHA or unit_at_poles(loop, loop.potential.tape) > 0
         )
 
     def promise(self, problem: Problem) -> float:

@@ -21,7 +21,7 @@ from service.dynamics.reduction.geometry.point import (
     rates_of,
     steepness_at,
 )
-from workers.solvers.complex_plane.complex_loop import MANY, geometric
+from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA, geometric
 
 NEAR = 2.0**-10
 
@@ -45,7 +45,7 @@ class RealLoop:
         self._potential, self._slope = (traced_program(tape, way).at(ctx.prec) for way in (VALUE, SLOPE))
         alpha = loop.alpha
         self._power = alpha.numerator - 1
-        self._is_summed = alpha.denominator == 1 and (alpha <= MANY or side == 0)
+        self._is_summed = alpha.denominator == 1 and (alpha <= MAX_WHOLE_ALPHA or side == 0)
         self._equator = make_equator(loop.Z, loop.G, ball(alpha))
         moments, first = (ball(loop.A), ball(loop.C)), loop.g1_sign * loop.G
         self._curve = Curve(first, loop.Z, ball(alpha), ball(alpha) - 1, *moments, self._mirrored)

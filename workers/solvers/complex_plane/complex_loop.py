@@ -20,7 +20,7 @@ from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, PowerSum, Small
-from service.dynamics.formula.programs import OFTEN, Kind, Way
+from service.dynamics.formula.programs import MANY_EVALUATIONS, Kind, Way
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.reduction.geometry.loop import Loop
@@ -36,10 +36,10 @@ from workers.solvers.complex_plane.questions import BEND, SLOPE, VALUE, PlaneQue
 T = TypeVar("T")
 Ball = TypeVar("Ball", arb, acb)
 
-MANY = 32
+MAX_WHOLE_ALPHA = 32
 """Integers α up to this are summed as powers; all where a pole is passed."""
 OFTEN_ABOUT_POLES = 4
-"""As OFTEN of programs: sums of powers are dearer."""
+"""As MANY_EVALUATIONS of programs: sums of powers are dearer."""
 NEAR_EQUATOR = 2.0**-8
 NEAR_POLE = 2.0**-3
 _UNKNOWN = acb(arb.nan())
@@ -107,7 +107,7 @@ class ComplexLoop:
             power = (sine if self.side >= 0 else -sine) ** (alpha.numerator - 1)
             if self.side == 0 and alpha.numerator % 2:
                 turn = sine.real_sgn(analytic)
-        if alpha.denominator == 1 and (alpha <= MANY or self.side == 0):
+        if alpha.denominator == 1 and (alpha <= MAX_WHOLE_ALPHA or self.side == 0):
             quotient = geometric(sine * sine, alpha.numerator)
         else:
             quotient = self._quotient(sine, u, analytic=analytic)
@@ -194,7 +194,7 @@ class ComplexLoop:
 
     @property
     def _often(self) -> int:
-        return OFTEN_ABOUT_POLES if self._has_poles else OFTEN
+        return OFTEN_ABOUT_POLES if self._has_poles else MANY_EVALUATIONS
 
     @property
     def _has_poles(self) -> bool:
@@ -245,7 +245,7 @@ class ComplexLoop:
 
 def geometric(ratio: Ball, count: int) -> Ball:
     """Return 1 + x + … + x^(count − 1)."""
-    if count > MANY:
+    if count > MAX_WHOLE_ALPHA:
         half = geometric(ratio, count // 2)
         total = half * (1 + ratio ** (count // 2))
         return total * ratio + 1 if count % 2 else total

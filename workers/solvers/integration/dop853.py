@@ -38,6 +38,7 @@ class Dop853Integrator:
     name = "dop853"
     finest = 3e-14  # SciPy takes no relative tolerance below 100 ulp, 2.2e-14
     coarsest = 1e-6  # above it a method of order 8 is not in its element
+    first_share = 0.01
     leaves_out = 0.2  # measured: the tolerance is that of a lower order
     tightening = 4.0  # the error is proportional to the tolerance
 

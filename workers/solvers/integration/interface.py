@@ -76,6 +76,9 @@ class Steps(Protocol):
     """Local tolerance below which rounding, not truncation, makes the error."""
     coarsest: float
     """Largest local tolerance, whatever is asked: beyond it the method is not in its element."""
+    first_share: float
+    """Local tolerance of the first try, of the coarser run, in parts of the tolerance: errors of some hundred
+    steps add up."""
     leaves_out: float
     """Truncation error of a step, relative to the largest variable, in local tolerances."""
     tightening: float

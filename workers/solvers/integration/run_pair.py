@@ -14,8 +14,14 @@ along it, and with it, to first order, the very error of y, without any other ru
 .. math:: e' = J e + d,\qquad e(t + h) = \Phi\,e(t) + \int \Phi(t + h, s)\,d(s)\,ds .
 
 The claim has four times the larger one of the two, which have nothing but y and the equations in common.
+
+The attitude is carried on with the motion, hence its errors are too: a small turn φ of the body, seen from
+it, and azimuths obey
+
+.. math:: \varphi' = \varphi \times \omega + \delta\omega ,\qquad \delta\psi_k' = \nabla\dot\psi_k \cdot e .
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +30,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import euler_poisson_rhs
+from service.dynamics.equations.orientation import azimuth_rate
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, DenseOutput
 from workers.solvers.integration.errors import CollisionError, IntegrationError
@@ -218,19 +225,32 @@ class ErrorsOnTheWay:
     """Standard deviation of independent errors of the modelled size."""
     by_residual: FloatArray
     """The error that the residual makes, to first order."""
+    turned_deviations: FloatArray
+    """Largest standard deviations of φ and of the azimuths on the way, shape (3 + azimuths,); or none."""
+    turned_by_residual: FloatArray
+    """The errors of the same that the residual makes."""
 
 
-def errors_on_the_way(equations: Equations, run: Run, start: FloatArray, left_out: float) -> ErrorsOnTheWay:
+STATE, TURN = 6, 3
+"""Number of variables, and of components of φ."""
+
+
+def errors_on_the_way(
+    equations: Equations, run: Run, start: FloatArray, left_out: float, axes: Sequence[int] | None = None
+) -> ErrorsOnTheWay:
     """Return what errors a run has made, by a model of what it loses and by its residual.
 
-    A step leaves out ``left_out``, relative to the largest variable. Kernels find the same of series whose
+    A step leaves out ``left_out``, relative to the largest variable. With ``axes`` of the body those of its
+    attitude and of their azimuths are told too. Kernels find the same of series whose
     terms they know: see :func:`workers.solvers.compiled.general.growth.grown`.
     """
     from workers.solvers.compiled.general import growth  # noqa: PLC0415
 
     size = float(np.abs(run.coefficients).max())
-    found, by_residual = [np.zeros(0)], [np.zeros(0)]
-    spread, error = np.diag((start / size) ** 2), np.zeros(6)
+    count = STATE if axes is None else STATE + TURN + len(axes)
+    found, by_residual = [np.zeros((0, count))], [np.zeros((0, count))]
+    spread, error = np.zeros((count, count)), np.zeros(count)
+    spread[:STATE, :STATE] = np.diag((start / size) ** 2)
     steps = np.diff(run.breaks)
     for begin in range(0, len(steps), PIECES_TOGETHER):
         series, times = (
@@ -256,12 +276,31 @@ def errors_on_the_way(equations: Equations, run: Run, start: FloatArray, left_ou
         shares = tails / np.maximum(tails.max(axis=1, keepdims=True), np.finfo(np.float64).tiny)
         largest = np.abs(series).sum(axis=1).max(axis=1, keepdims=True)
         lost[first + parts - 1] += left_out * largest * shares
-        lost /= size
+        lost = np.pad(lost / size, ((0, 0), (0, count - STATE)))
+        if axes is not None:
+            jacobians = _with_turn(states, jacobians, axes)
         left = _residuals(equations, series[piece], times[piece], centre, half, jacobians) / size
         deviations, errors = passed_on(jacobians, times[piece] * half, lost, left, spread, error)
         found.append(size * np.maximum.reduceat(deviations, first))
         by_residual.append(size * np.maximum.reduceat(errors, first))
-    return ErrorsOnTheWay(np.concatenate(found), np.concatenate(by_residual))
+    deviations, errors = np.concatenate(found), np.concatenate(by_residual)
+    turned = (each[:, STATE:].max(axis=0, initial=0.0) for each in (deviations, errors))
+    return ErrorsOnTheWay(deviations[:, :STATE].max(axis=1), errors[:, :STATE].max(axis=1), *turned)
+
+
+@np.errstate(all="ignore")
+def _with_turn(states: FloatArray, jacobians: FloatArray, axes: Sequence[int]) -> FloatArray:
+    """Return J with the rows of φ and of the azimuths; of those what :func:`.azimuth_rate` says."""
+    count = STATE + TURN + len(axes)
+    found = np.zeros((*jacobians.shape[:2], count, count))
+    found[:, :, :STATE, :STATE] = jacobians
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        found[:, :, STATE + i, i] = 1.0
+        found[:, :, STATE + i, STATE + j] = states[:, :, k]
+        found[:, :, STATE + i, STATE + k] = -states[:, :, j]
+    for row, axis in enumerate(axes, start=STATE + TURN):
+        found[:, :, row, :STATE] = azimuth_rate(states, axis)[1]
+    return found
 
 
 @np.errstate(all="ignore")
@@ -273,7 +312,7 @@ def _residuals(
     half: FloatArray,
     jacobians: FloatArray,
 ) -> FloatArray:
-    """Return what the residual of each part adds to the error at its end, shape (parts, 6).
+    """Return what the residual of each part adds to the error at its end, shape (parts, order of J).
 
     A part is that of the piece ``series``, which takes ``times``, from centre − half to centre + half of
     [−1, 1]. Φ from a node to the end is the exponential of the mean of J, to RESIDUAL_ORDER.
@@ -286,6 +325,7 @@ def _residuals(
     slopes = np.polynomial.chebyshev.chebder(series, axis=1) * (2.0 / times)[:, None, None]
     states, rates = table @ series, table[:, :, :degree] @ slopes[:, :degree]
     left = rates - equations.at(states.reshape(-1, 6))[0].reshape(states.shape)
+    left = np.pad(left, ((0, 0), (0, 0), (0, jacobians.shape[-1] - STATE)))
     lengths = 0.5 * times * half
     to_the_end = lengths[:, None] * (1.0 - x)
     # J through its three nodes, and its mean from x to the end.
@@ -295,7 +335,7 @@ def _residuals(
     mean = second + slope * (0.5 * (1.0 + to_1)) + bend * ((1.0 + to_1 + to_1 * to_1) / 3.0)
     carried, term = left, left
     for order in range(1, RESIDUAL_ORDER + 1):
-        term = np.einsum("nkij,nkj->nki", mean, term) * (to_the_end / order)[:, :, None]
+        term = (mean @ term[..., None])[..., 0] * (to_the_end / order)[:, :, None]
         carried = carried + term
     carried = np.where(np.isfinite(carried), carried, left)
     added: FloatArray = np.einsum("k,nki->ni", weights, carried) * lengths[:, None]
@@ -311,27 +351,27 @@ def passed_on(
     spread: FloatArray,
     error: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the largest standard deviation, and error, of any variable at the end of each part of a run.
+    """Return the standard deviations, and errors, of d variables at the end of each part of a run: (n, d).
 
     J at the three nodes of the parts, their lengths, the standard deviations of the errors that they add, and
-    what their residuals add, relative to one size, have the shapes (n, 3, 6, 6), (n,), (n, 6) and
-    (n, 6). ``spread`` is P at the start, shape (6, 6), and ``error`` the error there, shape (6,); both are
+    what their residuals add, relative to one size, have the shapes (n, 3, d, d), (n,), (n, d) and
+    (n, d). ``spread`` is P at the start, shape (d, d), and ``error`` the error there, shape (d,); both are
     replaced by those at the end.
     """
-    found, errors = np.empty(len(times)), np.empty(len(times))
+    found, errors = np.empty(deviations.shape), np.empty(deviations.shape)
     added, residuals = (np.where(np.abs(part) < np.inf, part, 0.0) for part in (deviations, residuals))
     added = added**2
     for n, transition in enumerate(_transitions(nodes, times)):
         spread[...] = transition @ spread @ transition.T + np.diag(added[n])
         # Where one error is 1e8 times all others, roundings of P are more than these, of either sign.
-        found[n] = np.sqrt(np.abs(np.diag(spread)).max())
+        found[n] = np.sqrt(np.abs(np.diag(spread)))
         error[...] = transition @ error + residuals[n]
-        errors[n] = np.abs(error).max()
+        errors[n] = np.abs(error)
     return found, errors
 
 
 def _transitions(nodes: FloatArray, times: FloatArray) -> FloatArray:
-    """Return Φ over each part, shape (n, 6, 6): Magnus' exponential of order 6; 1 where J is not known."""
+    """Return Φ over each part, shape (n, d, d): Magnus' exponential of order 6; 1 where J is not known."""
     x, y, z = (nodes[:, k] for k in range(3))
     h = times[:, None, None]
     one, two, three = h * y, np.sqrt(15.0) / 3.0 * h * (z - x), 10.0 / 3.0 * h * ((z - y) - (y - x))
@@ -341,9 +381,10 @@ def _transitions(nodes: FloatArray, times: FloatArray) -> FloatArray:
     outer = first - 20.0 * one - three
     exponent = one + three / 12.0 + (outer @ second - second @ outer) / 240.0
     exponent[~np.isfinite(exponent).all(axis=(1, 2))] = 0.0
-    found = np.broadcast_to(np.eye(6), exponent.shape)
+    one = np.eye(exponent.shape[-1])
+    found = np.broadcast_to(one, exponent.shape)
     for k in range(EXPONENTIAL_ORDER, 0, -1):
-        found = np.eye(6) + exponent @ found / k
+        found = one + exponent @ found / k
     return found
 
 

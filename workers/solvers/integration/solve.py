@@ -43,10 +43,10 @@ CHECK_TIMES = 257
 asked the difference may vanish there by chance."""
 RESIDUAL = "error_by_residual"
 """Key of the evidence: the error that what a run leaves of the equations makes, to first order."""
+LOCAL_TOLERANCE = "local_tolerance"
+"""Key of the evidence: that of the finer run."""
 GROWTH = "grown_errors"
 """Key of the evidence: what errors that a run makes on its way have grown to, a part of the claim."""
-FIRST_TOLERANCE_SHARE = 0.01
-"""Local tolerance of the first try in parts of the tolerance: errors of some hundred steps add up."""
 
 
 def integrate_from(
@@ -211,7 +211,7 @@ def _by_scipy(body: RigidBody, potential: Potential) -> Integrator:
 def tolerances(integrator: Steps, tolerance: float) -> list[float]:
     """Return the local tolerances to try, of the coarser run: by the tolerance, then the finest."""
     finest = integrator.finest * integrator.tightening
-    first = FIRST_TOLERANCE_SHARE * tolerance
+    first = integrator.first_share * tolerance
     # What is hardly looser than the finest would take the same steps.
     has_other_steps = first > integrator.tightening * finest
     return [min(first, integrator.coarsest), finest] if has_other_steps else [finest]
@@ -241,7 +241,7 @@ def _verified_motion(
         evidence={
             "integrator": "taylor",
             "steps": len(verified.breaks) - 1,
-            "local_tolerance": local_tolerance,
+            LOCAL_TOLERANCE: local_tolerance,
             "difference_of_runs": verified.difference,
             GROWTH: verified.growth,
             DEFECT: verified.defect,
@@ -278,7 +278,7 @@ def _motion(
         evidence={
             "integrator": name,
             "steps": pair.steps,
-            "local_tolerance": pair.local_tolerance,
+            LOCAL_TOLERANCE: pair.local_tolerance,
             "difference_of_runs": float(pair.difference(check).max()),
             RESIDUAL: float(pair.residual.max()),
             GROWTH: float(pair.growth.max()),

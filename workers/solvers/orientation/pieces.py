@@ -16,7 +16,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from service.dynamics.equations.orientation import quaternion_product
+from service.dynamics.equations.orientation import azimuth_rate, quaternion_product
 from service.dynamics.errors import DynamicsError
 from service.dynamics.solution.dense_output import (
     EPSILON,
@@ -130,10 +130,10 @@ class _Solver:
         left, right = self._dense.breaks[parent], self._dense.breaks[parent + 1]
         half = 0.25 * (right - left) * (high - low)
         motion, values = self._motion(parent, low, high)
-        omega, gamma = values[:, :, :3], values[:, :, 3:]
+        omega = values[:, :, :3]
         turn = half * np.sqrt(np.square(omega).sum(axis=2).max(axis=1))
         propagators = self._interpolation @ self._propagators(omega, half)
-        increments, weights, tilts = self._angles(omega, gamma, half)
+        increments, weights, is_seen = self._angles(values, half)
         series = self._interpolation @ increments
         tails = np.concatenate(
             [np.abs(propagators[:, -2:]).max(axis=(1, 2))[:, None], np.abs(series[:, -2:]).max(axis=1)],
@@ -144,8 +144,6 @@ class _Solver:
         # Close to the vertical the rounding of the variables themselves is seen enlarged.
         allowed = MAX_TAIL * sizes + EPSILON * weights
         is_fine = (tails[:, 0] <= MAX_TAIL) & (tails[:, 1:] <= allowed).all(axis=1)
-        # Between two nodes an axis comes closer to the vertical by half their distance at most.
-        is_seen = turn * self._gap <= tilts
         if np.any(is_short & (turn > MAX_PICARD_TURN)):
             raise OrientationNotResolvedError("the body turns faster than times in doubles can tell")
         is_resolved = (is_fine & is_seen & (turn <= MAX_PICARD_TURN)) | is_short
@@ -176,22 +174,23 @@ class _Solver:
         return phi
 
     def _angles(
-        self, omega: FloatArray, gamma: FloatArray, half: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the azimuths' increments at the points, their weights, and how close the axes come."""
-        tilts = np.full(len(omega), np.inf)
-        increments = np.empty((*omega.shape[:2], len(self._axes)))
-        weights = np.empty((len(omega), len(self._axes)))
+        self, values: FloatArray, half: FloatArray
+    ) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+        """Return the azimuths' increments at the points, their weights, and whether nothing hides between.
+
+        There an axis comes closer to the vertical by half the distance of the points at most, at its own
+        speed: that of an axis about which the body spins, next to the vertical, is small.
+        """
+        is_seen = np.ones(len(values), dtype=np.bool_)
+        increments = np.empty((*values.shape[:2], len(self._axes)))
+        weights = np.empty((len(values), len(self._axes)))
         for k, axis in enumerate(self._axes):
-            others = [other for other in range(3) if other != axis]
-            w, g = omega[:, :, others], gamma[:, :, others]
-            square = np.square(g).sum(axis=2)
+            rate, slopes, square = azimuth_rate(values, axis)
             if square.min() < self._closest**2:
                 raise VerticalAxisError(axis)
-            tilts = np.minimum(tilts, np.sqrt(square.min(axis=1)))
-            rate = (w * g).sum(axis=2) / square
-            size = np.abs(g).sum(axis=2)
-            slope = (size + np.abs(w).sum(axis=2) + 2.0 * np.abs(rate) * size) / square
+            others = [other for other in range(3) if other != axis]
+            goes = half * self._gap * np.sqrt(np.square(values[:, :, others]).sum(axis=2).max(axis=1))
+            is_seen &= goes <= np.sqrt(square.min(axis=1))
             increments[:, :, k] = half[:, None] * (rate @ self._integration.T)
-            weights[:, k] = half * (slope @ self._integration[0])
-        return increments, weights, tilts
+            weights[:, k] = half * (np.abs(slopes).sum(axis=2) @ self._integration[0])
+        return increments, weights, is_seen

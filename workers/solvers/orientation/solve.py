@@ -15,8 +15,14 @@ the curve: with Q = A g1² + C g3²
 So an angle is wrong by what the series and ∫ f dg2 along the computed path differ by, which is seen; by what
 the path's distance d from the curve does to that integral, ∫ d (|∇f||dg2| + |df|), d being seen too; and by
 ε |dψ| over the largest component of |dg|, at both ends. The quaternion is that of ψ1 and g, as far as it is
-seen to be. The smaller bound holds. What is seen is seen at twice as many points as the series have nodes: of
+seen to be. What is seen is seen at twice as many points as the series have nodes: of
 the bound that is a measurement, not a theorem.
+
+Along a motion that was integrated errors of the variables do add up, but not all with one sign: their linear
+equations have the attitude among them (:mod:`workers.solvers.integration.run_pair`). What these make of the
+residual and of roundings is raised as the claim of the variables is above theirs.
+
+The smallest bound holds.
 """
 
 import math
@@ -27,6 +33,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from service.dynamics.bounds import ErrorKind, largest
+from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.orientation import (
     LOCAL_QUATERNION,
     QUATERNION,
@@ -35,16 +42,20 @@ from service.dynamics.equations.orientation import (
     orientation_columns,
     quaternion_product,
 )
-from service.dynamics.motion import Motion
+from service.dynamics.motion import COLUMNS, Motion
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.solution.dense_output import (
     EPSILON,
+    UNIT_ROUNDOFF,
     Advance,
     DenseOutput,
     FloatArray,
     chebyshev_coefficients,
     chebyshev_points,
 )
+from workers.solvers.integration.interface import Run
+from workers.solvers.integration.run_pair import DIFFERENCE_FACTOR, TURN, errors_on_the_way
+from workers.solvers.integration.solve import LOCAL_TOLERANCE
 from workers.solvers.orientation.advance import Precession, estimate, loop_advances
 from workers.solvers.orientation.pieces import Pieces, VerticalAxisError, resolve_attitude
 
@@ -77,11 +88,14 @@ Advances = Callable[[Loop, int], tuple[Advance, Advance]]
 """Returns the advances of ψ1 and ψ3 round a loop in a sense, as :func:`.advance.loop_advances` does."""
 
 
-def with_orientation(motion: Motion, advances_of: Advances = loop_advances) -> Orientation:
+def with_orientation(
+    motion: Motion, advances_of: Advances = loop_advances, equations: Equations | None = None
+) -> Orientation:
     """Return the dense output of ``motion`` with the attitude added, and the precession per period.
 
     Pieces are halved where the attitude needs it; the motion's own columns stay
-    the same functions but for the rounding of their coefficients, which is added to their error.
+    the same functions but for the rounding of their coefficients, which is added to their error. With its
+    ``equations`` the errors of a motion that was integrated are carried on to its attitude.
 
     Raises
     ------
@@ -97,7 +111,12 @@ def with_orientation(motion: Motion, advances_of: Advances = loop_advances) -> O
     advances = _advances(motion, dense, advances_of)
     dense = replace(dense, advances={name: a for name, a in advances.items() if a != Advance()})
     loop = None if motion.window is None else motion.window.arcs[0].loop
-    dense = replace(dense, errors=_errors(dense, names, pieces, advances, loop))
+    errors = _errors(dense, names, pieces, advances, loop)
+    if equations is not None and LOCAL_TOLERANCE in motion.evidence:
+        carried = _carried(equations, dense, names, pieces, float(motion.evidence[LOCAL_TOLERANCE]))
+        # NaN, where the equations tell nothing, is no bound.
+        errors = {name: float(np.fmin(bound, carried.get(name, np.inf))) for name, bound in errors.items()}
+    dense = replace(dense, errors=errors)
     precession = None
     if advances:
         precession = Precession(*(estimate(advances[name]) for name in AXES))
@@ -195,18 +214,62 @@ def _errors(
     weights = np.array([0.5 * math.sqrt(3.0) * span, *pieces.weights.sum(axis=0)])
     bounds = (dense.error + RATE_RELATIVE_ROUNDING) * weights + 2.0 * pieces.tails.sum(axis=0)
     bounds += RATE_RELATIVE_ROUNDING * math.sqrt(len(pieces.parent))
-    g2, g3 = dense(np.zeros(1))[0, 4:6].tolist()
-    tilt = math.hypot(g2, g3)
-    bounds[0] += RATE_RELATIVE_ROUNDING / (tilt if tilt > VERTICAL_ANGLE else 1.0)
+    bounds[0] += RATE_RELATIVE_ROUNDING / _tilt_at_zero(dense)
     if loop is not None and names == tuple(AXES):
         # NaN, where the curve tells nothing, is no bound.
         bounds = np.fmin(bounds, _along_the_curve(dense, loop))
     if dense.period is not None:
         bounds += _defects(dense, names, advances)
-    return {
-        **dict.fromkeys(LOCAL_QUATERNION, float(bounds[0])),
-        **dict(zip(names, bounds[1:].tolist(), strict=True)),
-    }
+    return _named(bounds, names)
+
+
+def _named(bounds: FloatArray, names: tuple[str, ...]) -> dict[str, float]:
+    """Return the bounds of the quaternion and of the angles by the names of their columns."""
+    first, *others = bounds.tolist()
+    return {**dict.fromkeys(LOCAL_QUATERNION, first), **dict(zip(names, others, strict=True))}
+
+
+@np.errstate(all="ignore")
+def _carried(
+    equations: Equations, dense: DenseOutput, names: tuple[str, ...], pieces: Pieces, left_out: float
+) -> dict[str, float]:
+    """Return the bounds of the quaternion and of the angles by the equations of their errors."""
+    home = int(np.searchsorted(dense.breaks, 0.0))
+    motion = dense.coefficients[:, :, : len(COLUMNS)]
+    mirrored = motion[:home][::-1].copy()
+    mirrored[:, 1::2] *= -1.0
+    sides = [
+        Run(dense.breaks[home::-1], mirrored, None),
+        Run(dense.breaks[home:], motion[home:], None),
+    ]
+    at_zero = UNIT_ROUNDOFF * np.abs(dense(np.zeros(1))[0, : len(COLUMNS)])
+    axes, bounds = [AXES[name] for name in names], np.zeros(1 + len(names))
+    for run in sides:
+        if not len(run.coefficients):
+            continue
+        found = errors_on_the_way(equations, run, at_zero, left_out, axes)
+        shown = DIFFERENCE_FACTOR * float(np.max(found.by_residual) + np.max(found.deviations))
+        turned = DIFFERENCE_FACTOR * (found.turned_by_residual + found.turned_deviations)
+        turned *= max(1.0, dense.error / shown)
+        # Half the length of φ is the quaternion's.
+        bounds = np.fmax(bounds, [0.5 * np.linalg.norm(turned[:TURN]), *turned[TURN:]])
+        if not np.isfinite(turned).all():
+            return {}
+    # Roundings of the rates of a piece go together, those of different ones do not.
+    weights = np.column_stack([np.diff(dense.breaks), pieces.weights])
+    bounds += RATE_RELATIVE_ROUNDING * (
+        DIFFERENCE_FACTOR * (np.sqrt(np.square(weights).sum(axis=0)) + math.sqrt(len(pieces.parent)))
+    )
+    bounds += 2.0 * pieces.tails.sum(axis=0)
+    bounds[0] += RATE_RELATIVE_ROUNDING / _tilt_at_zero(dense)
+    return _named(bounds, names)
+
+
+def _tilt_at_zero(dense: DenseOutput) -> float:
+    """Return the length by which the direction of the first axis at t = 0 is known."""
+    g2, g3 = dense(np.zeros(1))[0, 4:6].tolist()
+    tilt = math.hypot(g2, g3)
+    return tilt if tilt > VERTICAL_ANGLE else 1.0
 
 
 @np.errstate(all="ignore")

@@ -30,7 +30,7 @@ from workers.solvers.complex_plane.questions import PlaneQuestion, Values
 
 T = TypeVar("T")
 UNKNOWN = arb.nan()
-CLOSE = 0.9
+POLE_MIN_COS_V = 0.9
 """|cos v| beyond which the drop 1 − |g2| is a small number."""
 
 
@@ -134,7 +134,7 @@ class ComplexRadicand:
     def _curve(self, v: acb) -> ComplexLoop | None:
         sine, cosine = (value.real for value in v.sin_cos())
         side = 1 if sine > 0 else -1 if sine < 0 else 0
-        if self.near and cosine.abs_lower() > CLOSE:
+        if self.near and cosine.abs_lower() > POLE_MIN_COS_V:
             return self.near.get((side, 1 if cosine > 0 else -1))
         if side:
             return self.northern if side > 0 else self.southern

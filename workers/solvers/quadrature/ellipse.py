@@ -11,11 +11,11 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 from flint import acb, arb
 
-DEGREE = 32
+PANEL_DEGREE = 32
 """Degree of the series of a panel."""
-WANTED = 2e-19
+WANTED_RELATIVE_TAIL = 2e-19
 """Tail of F against F in the middle of the panel, by which an ellipse is chosen."""
-REGION = 1.0 + 2.0**-20
+REGION_RELATIVE_SIZE = 1.0 + 2.0**-20
 """Rectangles are so much larger than needed: the rounding of their corners is inside."""
 
 
@@ -61,7 +61,7 @@ class _Trial(NamedTuple):
     """A way to bound the tail of F."""
 
     degree: int
-    """n, a multiple of DEGREE."""
+    """n, a multiple of PANEL_DEGREE."""
     rho: float
     parts: int
     """Rectangles that cover the ellipse."""
@@ -103,7 +103,7 @@ def find_ellipse(speed: PhaseSpeed, left: float, right: float, middle_rate: arb)
         if is_doubtful and not speed.bound(_chain(left, right, FLAT), is_close=False).is_finite():
             # With a kink on the panel itself nothing else is worth its cost.
             return None
-        if tail_of(trial.degree, trial.rho, largest) < WANTED * size:
+        if tail_of(trial.degree, trial.rho, largest) < WANTED_RELATIVE_TAIL * size:
             return Ellipse(trial.degree, trial.rho, largest.upper())
     return None
 
@@ -122,7 +122,7 @@ def _chain(left: float, right: float, trial: _Trial) -> list[acb]:
     for k in range(trial.parts):
         place = (2 * k + 1 - trial.parts) * width
         nearest = max(0.0, abs(place) - width) / across
-        x = arb.pi() * (middle + half * arb(place, width * REGION))
-        y = arb(0, (arb.pi() * half * (along * sqrt(1.0 - nearest * nearest) * REGION)).upper())
+        x = arb.pi() * (middle + half * arb(place, width * REGION_RELATIVE_SIZE))
+        y = arb(0, (arb.pi() * half * (along * sqrt(1.0 - nearest * nearest) * REGION_RELATIVE_SIZE)).upper())
         chain.append(acb(x, y))
     return chain

@@ -31,15 +31,15 @@ from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Arc, ArcEnd
 from workers.solvers.orbits.orbit import RATE_NUDGE, STATE_NUDGE, six_variables
 
-FARTHEST = 48.0
+FARTHEST_Y = 48.0
 """|y| where an end that is never reached is as good as reached: e^-48 is 1e-5 of a double's rounding."""
-FARTHEST_FINITE = 960.0
+FARTHEST_FINITE_Y = 960.0
 """|y| up to which the time of arrival at an end is followed: δ is 2^-1385, where the windows are known."""
-ARRIVED = 1e-21
+ARRIVED_MAX_RATE_SHARE = 1e-21
 """Share of the rate at the start below which nothing of the time of arrival is missing."""
-FAR = 24.0
+LIMIT_MIN_Y = 24.0
 """|y| where what happens at the end can be told: δ is 1e-10 of the arc."""
-STEADY = 1e-4
+STEADY_MAX_RELATIVE_CHANGE = 1e-4
 """Relative change of dt/dy by one unit of y, far out, below which it has a limit."""
 
 
@@ -164,7 +164,7 @@ def make_flight(start: StartingPoint) -> Flight:
     arc = start.arc
     has_rest = "rest" in (arc.lower_end, arc.upper_end)
     direction = (1 if arc.lower_end == "rest" else -1) if has_rest else start.direction
-    flight = Flight(arc, direction, has_rest, -FARTHEST, FARTHEST, arb(0))
+    flight = Flight(arc, direction, has_rest, -FARTHEST_Y, FARTHEST_Y, arb(0))
     phase = flight._phase_of(start.v)
     # Towards its rest point the motion is before it.
     return replace(flight, phase=-phase if has_rest and start.direction == -direction else phase)
@@ -191,23 +191,23 @@ def reach(flight: Flight, side: int, asked: float) -> Reach:
     def rate(distance: float) -> float:
         return float(flight.rate_of_phase(arb(side * distance)))
 
-    change = rate(FAR) / rate(FAR - 1.0) - 1.0
+    change = rate(LIMIT_MIN_Y) / rate(LIMIT_MIN_Y - 1.0) - 1.0
     # A collision is reached in finite time, even if P is like that of a pole until shortly before it.
-    if change < -STEADY or terminal == "collision":
+    if change < -STEADY_MAX_RELATIVE_CHANGE or terminal == "collision":
         return Reach(side * _arrival(rate, side * float(flight.phase)), terminal, "finite")
     begin = max(0.0, side * float(flight.phase))
     y, time, previous = begin, 0.0, rate(begin)
-    while y < FARTHEST and time <= 1.25 * asked + 1e-3 * previous:
+    while y < FARTHEST_Y and time <= 1.25 * asked + 1e-3 * previous:
         y, following = y + 1.0, rate(y + 1.0)
         time, previous = time + 0.5 * (previous + following), following
-    far = min(max(y + 1.0, 2.0), FARTHEST)
-    return Reach(side * far, terminal, "exponential" if change <= STEADY else "slow")
+    far = min(max(y + 1.0, 2.0), FARTHEST_Y)
+    return Reach(side * far, terminal, "exponential" if change <= STEADY_MAX_RELATIVE_CHANGE else "slow")
 
 
 def _arrival(rate: Callable[[float], float], phase: float) -> float:
     """Return the distance beyond which no time passes any more."""
-    start, y = rate(max(0.0, phase)), FARTHEST
-    while rate(y) > ARRIVED * start and y < FARTHEST_FINITE:
+    start, y = rate(max(0.0, phase)), FARTHEST_Y
+    while rate(y) > ARRIVED_MAX_RATE_SHARE * start and y < FARTHEST_FINITE_Y:
         y *= 1.5
     return y
 
@@ -223,7 +223,7 @@ def asymptote(flight: Flight, found: Reach, arrival: Estimate | None) -> Asympto
         kind = found.end
     rate = None
     if found.nature == "exponential":
-        near, far = (1 / flight.rate_of_phase(arb(side * y)) for y in (FARTHEST - 8, FARTHEST))
+        near, far = (1 / flight.rate_of_phase(arb(side * y)) for y in (FARTHEST_Y - 8, FARTHEST_Y))
         error = abs(float(far - near)) + float(far.rad()) + 2e-16 * float(far)
         rate = Estimate(float(far), error, "difference")
     return Asymptote(kind, arrival if found.nature == "finite" else None, rate, gamma)

@@ -2,7 +2,7 @@ r"""One panel of a time map: dt/du as a series, with a proven bound of its trunc
 
 On the panel |x| ≤ 1 the rate is f > 0 and its inverse square F = 1/f² (:mod:`.squared_speed`) is
 holomorphic inside the ellipse of Bernstein of the parameter ρ, with |F| ≤ M there. The series is the
-polynomial p = Σ p_k T_k that takes the values of f at DEGREE + 1 Chebyshev points, and Π = Σ |p_k| ρ^k
+polynomial p = Σ p_k T_k that takes the values of f at PANEL_DEGREE + 1 Chebyshev points, and Π = Σ |p_k| ρ^k
 bounds it on the ellipse. So
 
 .. math:: E = p^2 F - 1,\qquad |E| \le \Pi^2 M + 1 \quad\text{on the ellipse.}
@@ -46,7 +46,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.solution.dense_output import EPSILON, chebyshev_coefficients
 from workers.solvers.errors import PrecisionLostError
-from workers.solvers.quadrature.ellipse import DEGREE, Ellipse, tail_of
+from workers.solvers.quadrature.ellipse import PANEL_DEGREE, Ellipse, tail_of
 from workers.solvers.quadrature.errors import QuadratureNotConvergedError
 
 FloatArray = NDArray[np.float64]
@@ -54,8 +54,8 @@ FloatArray = NDArray[np.float64]
 KNOWN_BITS = 60
 LARGEST_DEPARTURE = 0.25
 """Limit that e must stay below."""
-ROUNDINGS = 64.0 * EPSILON
-"""More than those of DEGREE coefficients of a series that is nearly constant, in parts of it."""
+SERIES_ROUNDING = 64.0 * EPSILON
+"""More than those of PANEL_DEGREE coefficients of a series that is nearly constant, in parts of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class Panel:
     left: float
     right: float
     series: FloatArray
-    """Chebyshev coefficients, shape (DEGREE + 1,)."""
+    """Chebyshev coefficients, shape (PANEL_DEGREE + 1,)."""
     length: arb
     """The time it takes."""
     error: float
@@ -83,7 +83,7 @@ class Panel:
         The series departs from the middle of them by at most Λ < 4 halves of their distance.
         """
         width = above((fastest - slowest) * (arb(self.right) - arb(self.left)))
-        return replace(self, error=width, inner_error=3.0 * width + ROUNDINGS * float(self.length))
+        return replace(self, error=width, inner_error=3.0 * width + SERIES_ROUNDING * float(self.length))
 
     @property
     def tail(self) -> float:
@@ -115,16 +115,17 @@ def make_panel(
     QuadratureNotConvergedError
         The rate is beyond all doubles.
     """
-    degree = DEGREE if ellipse is None else ellipse.degree
+    degree = PANEL_DEGREE if ellipse is None else ellipse.degree
     values = _values(rate, limit, left, right, degree)
-    doubles = np.array([float(value) for value in values[:: degree // DEGREE]])
+    doubles = np.array([float(value) for value in values[:: degree // PANEL_DEGREE]])
     # Rates of a motion that is as quick are 0 in doubles.
     if not (np.isfinite(doubles).all() and doubles.any()):
         raise QuadratureNotConvergedError("the time of a part of the way is beyond all doubles")
     series = chebyshev_coefficients(doubles)
     half = (arb(right) - arb(left)) / 2
     fine, coarse = (
-        _sum(_rule(DEGREE // k, ctx.prec).weights, values[:: k * degree // DEGREE]) for k in (1, 2)
+        _sum(_rule(PANEL_DEGREE // k, ctx.prec).weights, values[:: k * degree // PANEL_DEGREE])
+        for k in (1, 2)
     )
     change = abs(float((fine - coarse) / fine))
     if ellipse is None:
@@ -137,14 +138,14 @@ def make_panel(
 def _proved(series: FloatArray, values: Sequence[arb], ellipse: Ellipse) -> tuple[arb, arb, arb]:
     """Return ∫ f dx, the bound of its error, and that of ∫ f dx from −1 to any place by the ``series``."""
     degree, rho = ellipse.degree, arb(ellipse.rho)
-    base, rule = _rule(DEGREE, ctx.prec), _rule(degree, ctx.prec)
-    known = arb_mat([[value] for value in values[:: degree // DEGREE]])
+    base, rule = _rule(PANEL_DEGREE, ctx.prec), _rule(degree, ctx.prec)
+    known = arb_mat([[value] for value in values[:: degree // PANEL_DEGREE]])
     coefficients = base.interpolation * known
     p = (rule.series * coefficients).entries()
     sizes, S, Pi = coefficients.entries(), arb(0), arb(0)
     rounding = arb(0)
     # Horner's rule for Π.
-    for k in range(DEGREE, -1, -1):
+    for k in range(PANEL_DEGREE, -1, -1):
         size = abs(sizes[k])
         S, Pi = S + size, Pi * rho + size
         rounding += abs(sizes[k] - arb(series[k])) * base.rises[k]
@@ -152,7 +153,7 @@ def _proved(series: FloatArray, values: Sequence[arb], ellipse: Ellipse) -> tupl
     B = Pi * Pi * ellipse.largest + 1
     Lambda = 1.0001 + 2.0 / pi * log(degree + 1)
     e = Lambda * arb(max(abs(value).upper() for value in E)) + tail_of(degree, ellipse.rho, B)
-    integral = _sum(base.weights, values[:: degree // DEGREE])
+    integral = _sum(base.weights, values[:: degree // PANEL_DEGREE])
     if not (e < LARGEST_DEPARTURE and all(at > 0 for at in p)):
         # Where E is not small it corrects nothing: the sum, whose weights are positive, is at least a time.
         return integral, arb("inf"), arb("inf")
@@ -176,24 +177,24 @@ class _Rule:
     weights: tuple[arb, ...]
     """Weights of Clenshaw and Curtis (1960)."""
     series: arb_mat
-    """T_k at the points, k ≤ DEGREE."""
+    """T_k at the points, k ≤ PANEL_DEGREE."""
     interpolation: arb_mat
     """Chebyshev coefficients from values at the points."""
     rises: tuple[arb, ...]
-    """Bounds of the integral of T_k from −1 to any place, k ≤ DEGREE."""
+    """Bounds of the integral of T_k from −1 to any place, k ≤ PANEL_DEGREE."""
 
 
 @lru_cache(maxsize=32)
 def _rule(degree: int, precision: int) -> _Rule:
     with ctx.workprec(precision):
         cosines = [(arb.pi() * k / degree).cos() for k in range(2 * degree)]
-        table = [[cosines[j * k % (2 * degree)] for k in range(DEGREE + 1)] for j in range(degree + 1)]
+        table = [[cosines[j * k % (2 * degree)] for k in range(PANEL_DEGREE + 1)] for j in range(degree + 1)]
         halves = [(1 if k in (0, degree) else 2) for k in range(degree + 1)]
         inverse = [
             [cosines[j * k % (2 * degree)] * halves[j] * halves[k] / (2 * degree) for j in range(degree + 1)]
-            for k in range(degree + 1 if degree == DEGREE else 0)
+            for k in range(degree + 1 if degree == PANEL_DEGREE else 0)
         ]
-        rises = (arb(2), arb(0.5), *(arb(2 * k) / (k * k - 1) for k in range(2, DEGREE + 1)))
+        rises = (arb(2), arb(0.5), *(arb(2 * k) / (k * k - 1) for k in range(2, PANEL_DEGREE + 1)))
         points, weights = tuple(cosines[: degree + 1]), _weights(degree, cosines)
         return _Rule(points, weights, arb_mat(table), arb_mat(inverse), rises)
 

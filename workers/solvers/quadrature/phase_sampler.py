@@ -18,7 +18,7 @@ from workers.solvers.assembly.time_map import CHECKED_POINTS, UNSEEN_DEPARTURE_F
 from workers.solvers.errors import PrecisionLostError
 from workers.solvers.orbits.graded import Graded, refine_near_poles
 from workers.solvers.orbits.orbit import Orbit
-from workers.solvers.quadrature.ellipse import DEGREE
+from workers.solvers.quadrature.ellipse import PANEL_DEGREE
 
 KNOWN_BITS, KNOWN = 54, 2.0**-54
 """Least relative accuracy of a variable's ball, or largest radius: either will do."""
@@ -84,7 +84,7 @@ def series_sampler(orbit: Graded, time_map: TimeMap) -> tuple[Sampler, FloatArra
     one of each panel, are UNSEEN_DEPARTURE_FACTOR times the largest departure between the nodes.
     PrecisionLostError is raised at once.
     """
-    panels, nodes = range(len(time_map.times) - 1), chebyshev_points(DEGREE)
+    panels, nodes = range(len(time_map.times) - 1), chebyshev_points(PANEL_DEGREE)
     series, departures = [], list[float]()
     for panel in panels:
         states = _states(orbit, time_map, [(panel, x) for x in (*nodes.tolist(), *CHECKED_POINTS)])

@@ -15,7 +15,7 @@ enclosure of the rate on the whole of a panel that is so short that this suffice
 
 What is not: without a formula of V (the family of integrals), or without bounds, panels are judged by
 the decay of their series and by half of their nodes. A panel at a place of which nothing is enclosed
-is halved down to SMALLEST_PANEL; then its whole length is charged as its error, and it is counted in
+is halved down to MIN_PANEL_WIDTH; then its whole length is charged as its error, and it is counted in
 the evidence.
 """
 
@@ -32,26 +32,26 @@ from service.dynamics.bounds import largest
 from service.dynamics.solution.dense_output import Period, chebyshev_points
 from workers.solvers.assembly.time_map import TimeMap
 from workers.solvers.errors import PrecisionLostError
-from workers.solvers.quadrature.ellipse import DEGREE, BranchedSpeed, PhaseSpeed, find_ellipse
+from workers.solvers.quadrature.ellipse import PANEL_DEGREE, BranchedSpeed, PhaseSpeed, find_ellipse
 from workers.solvers.quadrature.errors import QuadratureNotConvergedError, WindowBlockedError
 from workers.solvers.quadrature.panel import Panel, make_panel
 
 FloatArray = NDArray[np.float64]
 
-RESOLVED = 4e-16
+RESOLVED_RELATIVE_TAIL = 4e-16
 """Largest tail of a resolved panel's series against its largest term: the rounding of doubles."""
-CHANGE = 3e-13
+RESOLVED_RELATIVE_CHANGE = 3e-13
 """Largest relative change of a resolved panel's length when its nodes were last doubled:
 demanded on top, since it sees below the rounding of the series."""
-ALIASING = 1.0 / 16.0
+ALIASED_SHARE_OF_TAIL = 1.0 / 16.0
 """Share of the series' tail that can reach the length: T_k integrates to 2/(1 − k²), and what
 is beyond the degree n is taken for T_(2n−k), both about 1/500 next to n = 32; a factor 30 is kept."""
-NEGLIGIBLE = 1e-17
+NEGLIGIBLE_SHARE = 1e-17
 """Panels whose unresolved tail, or proved error, is below this share of the longest are not halved for it."""
-TRUSTED = 1e-3
+MAX_TRUSTED_ERROR = 1e-3
 """Proved error of a length, in parts of it, up to which others are compared with it."""
-SMALLEST_PANEL = 1e-15
-SHORT = 1e-3
+MIN_PANEL_WIDTH = 1e-15
+SHORT_PANEL_WIDTH = 1e-3
 """Panels shorter than this may be near a place where the rate is not analytic: it is enclosed as a whole."""
 MAX_PANELS = 4000
 
@@ -101,9 +101,11 @@ def make_time_map(
         if panel is not None:
             nodes += panel.nodes
             # The nodes of a panel with a peak at its end say nothing of its length.
-            if speed is None or panel.error <= TRUSTED * float(panel.length):
+            if speed is None or panel.error <= MAX_TRUSTED_ERROR * float(panel.length):
                 scale = max(scale, float(panel.length))
-        if panel is not None and (right - left < SMALLEST_PANEL or _is_good(panel, scale, speed is not None)):
+        if panel is not None and (
+            right - left < MIN_PANEL_WIDTH or _is_good(panel, scale, speed is not None)
+        ):
             done.append(panel)
         else:
             middle = 0.5 * (left + right)
@@ -113,7 +115,7 @@ def make_time_map(
             if panel is not None:
                 last = f"the last tail was {panel.tail:.1e}, the longest panel takes {scale:.1e}"
             raise QuadratureNotConvergedError(
-                f"{MAX_PANELS} panels of degree {DEGREE} do not resolve the integrand; {last}"
+                f"{MAX_PANELS} panels of degree {PANEL_DEGREE} do not resolve the integrand; {last}"
             )
     return _assemble(done, nodes, kinks, is_even=is_even, is_proof_wanted=speed is not None)
 
@@ -131,14 +133,16 @@ def _panel(rate: Callable[[arb], arb], speed: PhaseSpeed | None, left: float, ri
         try:
             return make_panel(rate, left, right, ellipse, speed.limit)
         except PrecisionLostError:
-            _require_open(speed, *(arb.pi() * (middle + half * x) for x in chebyshev_points(DEGREE).tolist()))
+            _require_open(
+                speed, *(arb.pi() * (middle + half * x) for x in chebyshev_points(PANEL_DEGREE).tolist())
+            )
             raise
-    if right - left > SHORT:
+    if right - left > SHORT_PANEL_WIDTH:
         return None
     square = speed.enclosed(arb.pi() * (middle + arb(0, half))) / arb.pi() ** 2
     if square > 0 and square.is_finite():
         return make_panel(rate, left, right, None).between(square.upper().rsqrt(), square.lower().rsqrt())
-    return make_panel(rate, left, right, None) if right - left < SMALLEST_PANEL else None
+    return make_panel(rate, left, right, None) if right - left < MIN_PANEL_WIDTH else None
 
 
 def _require_open(speed: PhaseSpeed, *phases: arb) -> None:
@@ -148,9 +152,9 @@ def _require_open(speed: PhaseSpeed, *phases: arb) -> None:
 
 
 def _is_good(panel: Panel, scale: float, is_proof_wanted: bool) -> bool:
-    is_resolved = panel.relative_tail <= RESOLVED and panel.change <= CHANGE
-    is_proved = not is_proof_wanted or panel.error <= NEGLIGIBLE * scale
-    return is_proved and (is_resolved or panel.tail <= NEGLIGIBLE * scale)
+    is_resolved = panel.relative_tail <= RESOLVED_RELATIVE_TAIL and panel.change <= RESOLVED_RELATIVE_CHANGE
+    is_proved = not is_proof_wanted or panel.error <= NEGLIGIBLE_SHARE * scale
+    return is_proved and (is_resolved or panel.tail <= NEGLIGIBLE_SHARE * scale)
 
 
 def _assemble(
@@ -162,7 +166,7 @@ def _assemble(
     is_proof_wanted: bool,
 ) -> TimeMap:
     if is_even:
-        signs = (-1.0) ** np.arange(DEGREE + 1)
+        signs = (-1.0) ** np.arange(PANEL_DEGREE + 1)
         turned = [replace(p, left=2.0 - p.right, right=2.0 - p.left, series=p.series * signs) for p in panels]
         panels = panels + turned[::-1]
     edges = np.array([panels[0].left, *(panel.right for panel in panels)])
@@ -194,5 +198,5 @@ def _error(panel: Panel, is_proof_wanted: bool) -> float:
         return panel.error
     if is_proof_wanted:
         return float(panel.length)
-    is_resolved = panel.relative_tail <= RESOLVED and panel.change <= CHANGE
-    return panel.tail * ALIASING if is_resolved else panel.tail
+    is_resolved = panel.relative_tail <= RESOLVED_RELATIVE_TAIL and panel.change <= RESOLVED_RELATIVE_CHANGE
+    return panel.tail * ALIASED_SHARE_OF_TAIL if is_resolved else panel.tail

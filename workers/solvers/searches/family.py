@@ -31,7 +31,7 @@ from service.dynamics.reduction.geometry.point import (
     speed_factor,
 )
 from workers.solvers.certified.errors import PrecisionNeededError
-from workers.solvers.complex_plane.complex_loop import MANY, geometric, tighter
+from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA, geometric, tighter
 
 Slot = Fraction | int
 """A number that is given, or the place of the unknown that it is."""
@@ -91,7 +91,7 @@ class FamilyCurve:
         self._exact = None
         if isinstance(one, Fraction) and isinstance(three, Fraction):
             self._exact = one / three
-        is_whole = self._exact is not None and self._exact.denominator == 1 and self._exact <= MANY
+        is_whole = self._exact is not None and self._exact.denominator == 1 and self._exact <= MAX_WHOLE_ALPHA
         self._whole = int(self._exact or 0) if is_whole else 0
         if side == 0 and (not self._whole or self._whole % 2):
             raise PrecisionNeededError("a way through a pole")

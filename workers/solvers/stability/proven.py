@@ -25,16 +25,21 @@ from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.tape import Tape
 from service.dynamics.motion import Estimate
 from service.dynamics.problem import Problem
-from service.dynamics.solution.ball_columns import exact_middle
-from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, Period
+from service.dynamics.solution.dense_output import Period
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
-from workers.solvers.certified.validated.enclose import ProvenTrajectory, Start, enclose
+from workers.solvers.certified.validated.enclose import (
+    ProvenTrajectory,
+    Start,
+    box_until,
+    enclose,
+    rational_next_to,
+)
 from workers.solvers.certified.validated.step import UPWARDS, upper
-from workers.solvers.certified.validated.system import EulerPoisson, Recorded, TurningBody, record
+from workers.solvers.certified.validated.system import EulerPoisson, Recorded, record
 from workers.solvers.classical.curve import Curve
 from workers.solvers.classical.solve import place_motion
-from workers.solvers.stability.assessment import Stability, of_trace
+from workers.solvers.stability.assessment import Stability, of_trace, trusted_time
 from workers.solvers.stability.monodromy import StabilityUndefinedError
 
 FloatArray = NDArray[np.float64]
@@ -49,16 +54,9 @@ CLOSE_BITS = 128
 """Bits of the state at the time at which it comes back."""
 TRIVIAL = 4
 """Number of multipliers that are 1."""
-TIME_BITS = 96
-"""Bits of the rational time next to a period; so many more than those of what is asked there."""
-BOX = 2.0**-20
-"""Half a side of the box about the last state, which the motion does not leave in the ball of the period."""
 NEWTON_TRIES = 6
 PERIOD_KNOWN = 1e-9
 """Share of the period of a classical motion within which its quadrature is taken to know it."""
-MOST_PERIODS = 1_000_000
-SINGLY = 2048
-"""Periods that are gone through one by one; after them numbers of periods are doubled."""
 LOOSEST = 2.0**-20
 """Radius of a trace, relative to it where it is above 1, from which on nothing is told of it."""
 
@@ -88,7 +86,7 @@ def proven_turn(body: RigidBody, potential: Tape, start: Start, period: arb) -> 
     """
     system = EulerPoisson(body, potential)
     recorded = record(system)
-    time = _rational(period)
+    time = rational_next_to(period)
     found = enclose(system, start, [time], FLOW_BITS, shorter=SHORTER)
     trajectory = found.forward
     assert trajectory is not None
@@ -146,43 +144,6 @@ def classical_stability(problem: Problem, origin: Origin) -> Stability:
     return found if problem.accuracy.tier == "certified" else replace(found, enclosed=None)
 
 
-def proven_precession(
-    problem: Problem, origin: Origin, proven: Certified, about: tuple[float, float]
-) -> tuple[arb, arb] | None:
-    """Return what ψ1 and ψ3 of a planar motion gain in a period, enclosed; None where that is not to be had.
-
-    ψ1 is integrated beside the motion. The two differ by a whole turn, in the sense of the estimates
-    ``about`` them (:mod:`workers.solvers.orientation.advance`).
-    """
-    if about == (0.0, 0.0):
-        # To and fro between rest points.
-        return arb(0), arb(0)
-    if proven.period is None:
-        return None
-    body, start = origin
-    try:
-        first = _first_angle(
-            EulerPoisson(body, problem.potential.tape), start, proven.period, problem.accuracy.bits
-        )
-    except CertifiedUnavailableError:
-        return None
-    with ctx.workprec(2 * proven.bits):
-        return first, first - 2 * arb.pi() * round((about[0] - about[1]) / (2.0 * math.pi))
-
-
-def _first_angle(motion: EulerPoisson, start: Start, period: arb, bits: int) -> arb:
-    system, time = TurningBody(motion, axes=(0,)), _rational(period, bits + TIME_BITS)
-    attitude = arb(1), arb(0), arb(0), arb(0)
-    found = enclose(system, lambda: [*start(), *attitude, arb(0)], [time], bits)
-    with ctx.workprec(found.precision):
-        late = arb(abs(period - ball(time)).abs_upper())
-        recorded, state = record(system), found.states[0]
-        _growth(recorded, state, late)
-        box = [value + arb(0, BOX) for value in state]
-        rate = recorded.right_side.run(BallAlgebra(), box)[system.dimension - 1]
-        return state[-1] + arb(0, (late * abs(rate)).abs_upper())
-
-
 def return_time(body: RigidBody, potential: Tape, start: Start, about: float, within: float) -> arb:
     """Return the period of a motion that is known to close within so much of a time.
 
@@ -213,7 +174,7 @@ def return_time(body: RigidBody, potential: Tape, start: Start, about: float, wi
                 break
             if zero.rad() < arb(2) ** (8 - CLOSE_BITS) * abs(zero):
                 return zero
-            time = _rational(zero)
+            time = rational_next_to(zero)
             half = Fraction(upper(zero.rad() * 2))
     raise CertifiedUnavailableError("it is not known to close there")
 
@@ -226,53 +187,18 @@ def _tolerance(problem: Problem) -> float:
 
 def proven_stability(turn: ProvenTurn, tolerance: float) -> Stability:
     """Return the stability that the trace tells, and until when doubles reach ``tolerance``."""
-    trace = Estimate.of(turn.trace)
-    found = of_trace(trace.value, trace.error, Period.of(turn.period), trusted_periods(turn, tolerance))
-    return replace(found, proof="theorem", enclosed=turn.trace)
-
-
-def trusted_periods(turn: ProvenTurn, tolerance: float) -> float | None:
-    r"""Return how long roundings, carried on by Φ(T), stay below ``tolerance``, as :func:`.trusted_time`.
-
-    Σ ‖Φ^k‖ is summed one by one for SINGLY periods, and from then on by halves of what is twice as long.
-    """
-    period = float(turn.period)
-    frequency = 2.0 * math.pi / period
-    units = np.array([max(1.0, frequency)] * 3 + [1.0] * 3)
+    trace, period = Estimate.of(turn.trace), Period.of(turn.period)
+    # Angular velocities in units of 2π/T, as speeds are.
+    units = np.array([max(1.0, 2.0 * math.pi / period.hi)] * 3 + [1.0] * 3)
     matrix = turn.matrix * units / units[:, None]
-    size = UNIT_ROUNDOFF * max(1.0, turn.speed / frequency) * max(1.0, frequency) * turn.excursion
-    total, power, before = 0.0, np.eye(6), 0.0
-    for n in range(SINGLY):
-        before, total = total, total + float(np.linalg.norm(power))
-        if not size * total < tolerance:
-            share = 0.0 if n == 0 else _share(size * before, size * total, tolerance)
-            return period * max(0.0, n - 1 + share)
-        power = power @ matrix
-    n = SINGLY
-    with np.errstate(all="ignore"):
-        while n < MOST_PERIODS:
-            later = power @ power
-            mean = 0.5 * float(np.linalg.norm(power) + np.linalg.norm(later))
-            before, total = total, total + n * mean
-            if not size * total < tolerance:
-                return float(period * n * 2.0 ** _share(size * before, size * total, tolerance))
-            power, n = later, 2 * n
-    return None
-
-
-def _share(before: float, after: float, tolerance: float) -> float:
-    """Return where between two errors the tolerance is, in logarithms."""
-    if not (before > 0.0 and math.isfinite(after)):
-        return 0.0
-    return math.log(tolerance / before) / math.log(after / before)
+    horizon = trusted_time(matrix, turn.excursion, turn.speed, period.hi, tolerance)
+    found = of_trace(trace.value, trace.error, period, horizon)
+    return replace(found, proof="theorem", enclosed=turn.trace)
 
 
 def _growth(recorded: Recorded, state: Sequence[arb], late: arb) -> float:
     """Return a bound of the rows of |Ψ − 1| over a time ``late`` from a state, in any order of entries."""
-    box = [value + arb(0, BOX) for value in state]
-    rates = recorded.right_side.run(BallAlgebra(), box).values()
-    if not all(abs(rate) * late < BOX / 2 for rate in rates):
-        raise CertifiedUnavailableError("its period is not known well enough to tell its multipliers")
+    box = box_until(recorded, state, late)
     slopes = recorded.jacobian.run(BallAlgebra(), box).values()
     whole = sum((arb(slope.abs_upper()) for slope in slopes), arb(0))
     return upper((late * whole).expm1())
@@ -284,9 +210,3 @@ def _on_the_way(trajectory: ProvenTrajectory, last: FloatArray) -> tuple[float, 
     widest = max(float(np.linalg.norm(start.flow, 2)) for start in starts)
     speeds = [math.hypot(*(float(value) for value in start.middle[:3])) for start in starts]
     return max(1.0, widest / max(1.0, float(np.linalg.norm(last, 2)))), max(speeds)
-
-
-def _rational(value: arb, bits: int = TIME_BITS) -> Fraction:
-    """Return a number next to the midpoint that has so many bits."""
-    with ctx.workprec(bits):
-        return exact_middle(value.mid() + 0)

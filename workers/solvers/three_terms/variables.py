@@ -3,7 +3,7 @@
 In θ the motions are elliptic functions. On an interval lo ≤ x ≤ hi with x = lo cos²v + hi sin²v the phase
 grows uniformly with time: a quarter turn of θ is a quarter turn of v, and its rate is half of the
 arithmetic-geometric mean of two numbers a and b. They are defined in
-:mod:`workers.solvers.closed_form.elliptic`.
+:mod:`workers.solvers.closed_form.family`.
 """
 
 from dataclasses import dataclass

@@ -11,7 +11,11 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.formula.algebras.interval_bounds import ARITHMETIC, FUNCTIONS, LARGEST_LOGARITHM
+from service.dynamics.formula.algebras.interval_bounds import (
+    FUNCTION_ROUNDING,
+    LARGEST_LOGARITHM,
+    OPERATION_ROUNDING,
+)
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
     CELL_MIN_RELATIVE_WIDTH,
@@ -94,7 +98,7 @@ def have_no_motion(
             high_terms = np.where(is_there, np.where(factors > 0.0, factors * hi, factors * lo), 0.0)
             slack = (
                 (16.0 + stacked.first.shape[1])
-                * ARITHMETIC
+                * OPERATION_ROUNDING
                 * np.maximum(np.abs(low_terms), np.abs(high_terms)).sum(axis=1)
             )
             above, below = high_terms.sum(axis=1) + slack, low_terms.sum(axis=1) - slack
@@ -154,7 +158,9 @@ def _power(base: Bounds, exponent: FloatArray) -> Bounds:
     """Return bounds of base^exponent for base ≥ 0, also where the exponent was rounded."""
     low, high = np.power(base[0], exponent), np.power(base[1], exponent)
     low, high = np.where(exponent < 0.0, high, low), np.where(exponent < 0.0, low, high)
-    error = np.where(exponent == 0.0, 0.0, FUNCTIONS + np.abs(exponent) * ARITHMETIC * LARGEST_LOGARITHM)
+    error = np.where(
+        exponent == 0.0, 0.0, FUNCTION_ROUNDING + np.abs(exponent) * OPERATION_ROUNDING * LARGEST_LOGARITHM
+    )
     lower = np.where(low > SMALLEST_SAFE_NUMBER, low * (1.0 - error), 0.0)
     return lower, np.maximum(high * (1.0 + error), SMALLEST_SAFE_NUMBER)
 

@@ -17,8 +17,15 @@ from service.api.keys.idempotency import IdempotencyKey, read_key
 from service.api.middleware.heavy_answers import listed, read_list, while_connected
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import AskingQuery
-from service.api.queries.prefer import Prefer, wait_seconds
-from service.api.queries.queries import Asked, asked_of, query_of, query_parameters, without_query
+from service.api.queries.queries import (
+    Asked,
+    Prefer,
+    asked_of,
+    query_of,
+    query_parameters,
+    wait_seconds,
+    without_query,
+)
 from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.records import audit_out
 from service.api.replies.responses import AuditId, SolutionId, json_response, refusals
@@ -35,7 +42,7 @@ from service.schemas.replies.solution import AuditOut, AuditPageOut
 from service.settings import Settings
 from service.storage.searching.sources import audits_of
 from service.storage.solutions.audit_store import Audit
-from service.storage.solutions.standing import standing_of
+from service.storage.solutions.solution_store import standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 

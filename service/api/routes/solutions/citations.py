@@ -12,7 +12,7 @@ from service.api.formats.negotiation import Accept, preferred
 from service.api.queries.queries import FORMAT_HELP, QueryModel, query_of, query_parameters
 from service.api.replies.responses import SolutionId, refusals
 from service.api.tagged import validator_headers
-from service.storage.solutions.standing import standing_of
+from service.storage.solutions.solution_store import standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 

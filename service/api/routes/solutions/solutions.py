@@ -25,8 +25,7 @@ from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
 from service.storage.database.rows import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
-from service.storage.solutions.solution_store import SolutionPage
-from service.storage.solutions.standing import standing_and_annotation
+from service.storage.solutions.solution_store import SolutionPage, standing_and_annotation
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 by_problem = APIRouter(prefix="/v1/problems", tags=["solutions"])

@@ -17,14 +17,19 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.formula.algebras.interval_bounds import ARITHMETIC, FUNCTIONS, power_error, real_power
+from service.dynamics.formula.algebras.interval_bounds import (
+    FUNCTION_ROUNDING,
+    OPERATION_ROUNDING,
+    power_error,
+    real_power,
+)
 from service.dynamics.formula.algebras.real import nearest_double
 
 FloatArray = NDArray[np.float64]
 
-TINY = 1e-300
+ABSOLUTE_ROUNDING = 1e-300
 """More than any error of a result next to 0. Far from the smallest doubles, which cost a hundredfold."""
-EXPONENTIALS = 2.0**-41
+EXP_RELATIVE_ROUNDING = 2.0**-41
 """More than the relative error of exp(x) with a rounded x, which is at most 746 where exp is not 0 or ∞."""
 
 
@@ -44,7 +49,7 @@ class DiscAlgebra:
 
     def bound(self, element: Disc) -> FloatArray:
         """Return what no |z| of the disc exceeds; NaN or ∞ where nothing is known."""
-        size: FloatArray = (np.abs(element.centre) + element.radius) * (1.0 + ARITHMETIC)
+        size: FloatArray = (np.abs(element.centre) + element.radius) * (1.0 + OPERATION_ROUNDING)
         return size
 
     def constant(self, value: Fraction) -> Disc:
@@ -52,31 +57,31 @@ class DiscAlgebra:
         double = np.asarray(nearest_double(value))
         if np.isfinite(double) and Fraction(float(double)) == value:
             return Disc(double, np.zeros(()))
-        return _rounded(double, np.zeros(()), ARITHMETIC)
+        return _rounded(double, np.zeros(()), OPERATION_ROUNDING)
 
     def pi(self) -> Disc:
         """Return π."""
-        return _rounded(np.asarray(np.pi), np.zeros(()), ARITHMETIC)
+        return _rounded(np.asarray(np.pi), np.zeros(()), OPERATION_ROUNDING)
 
     def add(self, left: Disc, right: Disc) -> Disc:
         """Return left + right."""
-        return _rounded(left.centre + right.centre, left.radius + right.radius, ARITHMETIC)
+        return _rounded(left.centre + right.centre, left.radius + right.radius, OPERATION_ROUNDING)
 
     def subtract(self, left: Disc, right: Disc) -> Disc:
         """Return left - right."""
-        return _rounded(left.centre - right.centre, left.radius + right.radius, ARITHMETIC)
+        return _rounded(left.centre - right.centre, left.radius + right.radius, OPERATION_ROUNDING)
 
     def multiply(self, left: Disc, right: Disc) -> Disc:
         """Return left · right."""
         size = np.abs(left.centre) + left.radius
         radius = size * right.radius + np.abs(right.centre) * left.radius
-        return _rounded(left.centre * right.centre, radius, ARITHMETIC)
+        return _rounded(left.centre * right.centre, radius, OPERATION_ROUNDING)
 
     def divide(self, left: Disc, right: Disc) -> Disc:
         """Return left / right, NaN where right may be 0."""
         centre = left.centre / right.centre
         least = _distance_to_0(right)
-        return _rounded(centre, (left.radius + np.abs(centre) * right.radius) / least, ARITHMETIC)
+        return _rounded(centre, (left.radius + np.abs(centre) * right.radius) / least, OPERATION_ROUNDING)
 
     def negate(self, operand: Disc) -> Disc:
         """Return -operand."""
@@ -100,7 +105,7 @@ class DiscAlgebra:
         share = _share(base)
         growth = np.log1p(share) if exponent > 1 else np.log1p(-share)
         radius = np.abs(centre) * np.abs(np.expm1(nearest_double(exponent) * growth))
-        return _rounded(centre, radius * (1.0 + EXPONENTIALS), error)
+        return _rounded(centre, radius * (1.0 + EXP_RELATIVE_ROUNDING), error)
 
     def general_power(self, base: Disc, exponent: Disc) -> Disc:
         """Return exp(exponent · log(base))."""
@@ -113,7 +118,7 @@ class DiscAlgebra:
             return _exponential(centre, radius)
         if name == "log":
             share = np.where(centre > 0.0, _share(argument), np.nan)
-            return _rounded(np.log(np.abs(centre)), -np.log1p(-share), FUNCTIONS)
+            return _rounded(np.log(np.abs(centre)), -np.log1p(-share), FUNCTION_ROUNDING)
         if name == "tan":
             return self.divide(self.call("sin", argument), self.call("cos", argument))
         if name == "abs":
@@ -123,29 +128,31 @@ class DiscAlgebra:
         half, sine, cosine = np.sinh(0.5 * radius), np.sin(centre), np.cos(centre)
         value, slope = (sine, cosine) if name == "sin" else (cosine, sine)
         return _rounded(
-            value, 2.0 * np.abs(value) * half * half + np.abs(slope) * np.sinh(radius), 4.0 * FUNCTIONS
+            value,
+            2.0 * np.abs(value) * half * half + np.abs(slope) * np.sinh(radius),
+            4.0 * FUNCTION_ROUNDING,
         )
 
 
 def _rounded(centre: FloatArray, radius: FloatArray, error: float) -> Disc:
     """Return the disc with its radius made larger by what rounding did, ``error`` relative, to both."""
-    return Disc(centre, (radius + error * np.abs(centre)) * (1.0 + 2.0 * error) + TINY)
+    return Disc(centre, (radius + error * np.abs(centre)) * (1.0 + 2.0 * error) + ABSOLUTE_ROUNDING)
 
 
 def _distance_to_0(disc: Disc) -> FloatArray:
     """Return the least |z| of the disc, NaN where that is 0."""
-    least = (np.abs(disc.centre) - disc.radius) * (1.0 - ARITHMETIC)
+    least = (np.abs(disc.centre) - disc.radius) * (1.0 - OPERATION_ROUNDING)
     return np.where(least > 0.0, least, np.nan)
 
 
 def _share(disc: Disc) -> FloatArray:
     """Return r/|c| rounded up, NaN unless below 1."""
-    share = disc.radius / np.abs(disc.centre) * (1.0 + ARITHMETIC) + TINY
+    share = disc.radius / np.abs(disc.centre) * (1.0 + OPERATION_ROUNDING) + ABSOLUTE_ROUNDING
     return np.where(share < 1.0, share, np.nan)
 
 
 def _exponential(centre: FloatArray, radius: FloatArray) -> Disc:
     value = np.exp(centre)
     # Where exp(c) is rounded to 0 or its radius beyond 1, the two are taken together.
-    wide = np.exp(centre + radius) * (1.0 + EXPONENTIALS)
-    return _rounded(value, np.where(radius < 1.0, value * np.expm1(radius), wide), FUNCTIONS)
+    wide = np.exp(centre + radius) * (1.0 + EXP_RELATIVE_ROUNDING)
+    return _rounded(value, np.where(radius < 1.0, value * np.expm1(radius), wide), FUNCTION_ROUNDING)

@@ -12,13 +12,13 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 Bounds = tuple[FloatArray, FloatArray]
 
-ARITHMETIC = 2.0**-51
+OPERATION_ROUNDING = 2.0**-51
 """Four times the relative error of an operation in doubles."""
-FUNCTIONS = 2.0**-48
+FUNCTION_ROUNDING = 2.0**-48
 """More than twice the relative error of a function of numpy, which claims 4 units in the last place."""
-TINY = 1e-320
+ABSOLUTE_ROUNDING = 1e-320
 """More than any error of a result that is next to 0, where doubles have a fixed spacing."""
-LARGEST = float(np.finfo(np.float64).max)
+LARGEST_DOUBLE = float(np.finfo(np.float64).max)
 LARGEST_LOGARITHM = 746.0
 """Bound of |log x| for doubles x other than 0."""
 LARGEST_ANGLE = 1e6
@@ -27,9 +27,12 @@ LARGEST_ANGLE = 1e6
 def widened(lo: FloatArray, hi: FloatArray, error: float) -> Bounds:
     """Return bounds of what was rounded to ``lo`` and ``hi`` with half this relative error."""
     below, above = 1.0 - error, 1.0 + error
-    low, high = np.minimum(lo * below, lo * above) - TINY, np.maximum(hi * below, hi * above) + TINY
+    low, high = (
+        np.minimum(lo * below, lo * above) - ABSOLUTE_ROUNDING,
+        np.maximum(hi * below, hi * above) + ABSOLUTE_ROUNDING,
+    )
     # What is beyond all doubles is rounded to infinity, and that is no lower bound of it.
-    return np.minimum(low, LARGEST), np.maximum(high, -LARGEST)
+    return np.minimum(low, LARGEST_DOUBLE), np.maximum(high, -LARGEST_DOUBLE)
 
 
 def outwards(lo: FloatArray, hi: FloatArray) -> Bounds:
@@ -59,8 +62,8 @@ def power_error(exponent: Fraction) -> float:
     if not np.isfinite(double):
         return np.inf
     if Fraction(double) == exponent:
-        return FUNCTIONS
-    return FUNCTIONS + abs(double) * ARITHMETIC * LARGEST_LOGARITHM
+        return FUNCTION_ROUNDING
+    return FUNCTION_ROUNDING + abs(double) * OPERATION_ROUNDING * LARGEST_LOGARITHM
 
 
 def _exponentials(lo: FloatArray, hi: FloatArray) -> Bounds:

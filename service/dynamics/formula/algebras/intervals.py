@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.interval_bounds import (
-    FUNCTIONS,
+    FUNCTION_ROUNDING,
     RANGES,
     Bounds,
     outwards,
@@ -139,7 +139,7 @@ class IntervalAlgebra:
             return self._logarithm(argument)
         collapsed = self._collapsed(argument)
         lo, hi = RANGES[name](collapsed.lo, collapsed.hi)
-        return _kept(*widened(lo, hi, FUNCTIONS), self._none, 1 if name == "exp" else 0)
+        return _kept(*widened(lo, hi, FUNCTION_ROUNDING), self._none, 1 if name == "exp" else 0)
 
     def _sum(self, left: Exponents, right: Exponents) -> Exponents:
         """Return the exponents of a product, each sum made once: fractions are slow."""
@@ -215,11 +215,11 @@ class IntervalAlgebra:
 
     def _logarithm(self, x: Interval) -> Interval:
         lo = np.log(np.where((x.lo > 0.0) | ((x.lo == 0.0) & (x.sign > 0)), x.lo, np.nan))
-        found = _kept(*widened(lo, np.log(x.hi), FUNCTIONS), self._none, 0)
+        found = _kept(*widened(lo, np.log(x.hi), FUNCTION_ROUNDING), self._none, 0)
         for k, exponent in enumerate(x.exponents):
             if exponent:
                 low, high = self._scales[k]
-                logarithm = _kept(*widened(np.log(low), np.log(high), FUNCTIONS), self._none, 0)
+                logarithm = _kept(*widened(np.log(low), np.log(high), FUNCTION_ROUNDING), self._none, 0)
                 found = self.add(found, self.multiply(self.constant(exponent), logarithm))
         return found
 

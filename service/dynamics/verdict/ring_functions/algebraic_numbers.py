@@ -18,8 +18,8 @@ from math import gcd
 from flint import arb, ctx, fmpq, fmpq_mat, fmpz_mat, fmpz_poly
 
 from service.dynamics.formula.algebras.monomials import as_fraction
-from service.dynamics.verdict.exact_ring.factors import prime_powers
 from service.dynamics.verdict.exact_ring.generators import CosineOfTurn, Element, Root
+from service.dynamics.verdict.exact_ring.products import prime_powers
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.exact_ring.values import GeneratorValues
 

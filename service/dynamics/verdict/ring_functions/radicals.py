@@ -29,10 +29,15 @@ from typing import Protocol
 from flint import fmpq_mpoly, fmpz
 
 from service.dynamics.formula.algebras.monomials import as_fraction
-from service.dynamics.verdict.exact_ring.factors import factorise, prime_powers
 from service.dynamics.verdict.exact_ring.generators import Element, Root
 from service.dynamics.verdict.exact_ring.layout import LayoutTooSmallError, UndefinedInOctantError
-from service.dynamics.verdict.exact_ring.products import SignedFactors, Splitting, irreducible_factors
+from service.dynamics.verdict.exact_ring.products import (
+    SignedFactors,
+    Splitting,
+    factorise,
+    irreducible_factors,
+    prime_powers,
+)
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.exact_ring.signs import Signs, conjugates
 from service.dynamics.verdict.ring_functions.algebraic_numbers import AlgebraicNumbers

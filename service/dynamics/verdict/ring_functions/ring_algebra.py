@@ -7,10 +7,9 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import TypeVar
 
-from service.dynamics.verdict.exact_ring.factors import conjugate, factorise
 from service.dynamics.verdict.exact_ring.generators import Divisor, Element
 from service.dynamics.verdict.exact_ring.layout import Layout, LayoutTooSmallError, NoProofError, Work
-from service.dynamics.verdict.exact_ring.products import Splitting, irreducible_factors
+from service.dynamics.verdict.exact_ring.products import Splitting, conjugate, factorise, irreducible_factors
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.ring_functions.algebraic_numbers import AlgebraicNumbers
 from service.dynamics.verdict.ring_functions.radicals import Radicals

@@ -12,7 +12,6 @@ from typing import Protocol
 from flint import fmpq_mpoly, fmpz_poly
 
 from service.dynamics.formula.algebras.monomials import as_fraction, weighted_sum
-from service.dynamics.verdict.exact_ring.factors import prime_powers
 from service.dynamics.verdict.exact_ring.generators import (
     CircleConstant,
     Coordinate,
@@ -24,7 +23,7 @@ from service.dynamics.verdict.exact_ring.generators import (
     Sine,
 )
 from service.dynamics.verdict.exact_ring.layout import LayoutTooSmallError, NoProofError
-from service.dynamics.verdict.exact_ring.products import Splitting
+from service.dynamics.verdict.exact_ring.products import Splitting, prime_powers
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.ring_functions.algebraic_numbers import MAX_ORDER, AlgebraicNumbers
 from service.dynamics.verdict.ring_functions.radicals import Radicals

@@ -33,6 +33,7 @@ def both(loop: Loop) -> tuple[AlongCurve, GeneralPotential]:
     return along_curve(loop.potential, LoopCurve(loop.alpha, loop.Z, loop.G, loop.mirrored)), loop.potential
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("A", "C", "F"), CASES)
 def test_series_contain_the_integral(A, C, F):
     with ctx.workprec(160):

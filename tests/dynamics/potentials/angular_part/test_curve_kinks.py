@@ -26,6 +26,7 @@ def V1(text, alpha, place, order=1):
     return angular_ball.angular_balls(body, CurveFunction(tape_of(text)), order, g1, g3, arb.pi() / 4)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("alpha", ["2", "17/10", "3/5"])
 @pytest.mark.parametrize("text", ["abs(w - 1/2)", "exp(-w)*abs(w - 1/3)", "abs(log(w)) + abs(2*w - 3)"])
 def test_the_enclosure_in_pieces_meets_the_one_of_the_whole_and_is_no_wider(monkeypatch, text, alpha):

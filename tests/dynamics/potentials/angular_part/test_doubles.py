@@ -63,6 +63,7 @@ def direct(
     return Q * mpmath.quad(integrand, mpmath.linspace(start, Q, 5))
 
 
+@pytest.mark.one_in(4)
 @functions
 @bodies
 def test_it_is_the_integral_over_u(body: RigidBody, name: str) -> None:
@@ -154,6 +155,7 @@ def test_no_value_where_there_is_none() -> None:
         angular_part(RigidBody(Fraction(2), None, Fraction(2)), lambda w: w, gamma(0.3, 0.4))
 
 
+@pytest.mark.one_in(4)
 @functions
 @bodies
 def test_balls_hold_the_exact_values(body: RigidBody, name: str) -> None:

@@ -52,6 +52,7 @@ def series(a: sympy.Expr, b: sympy.Expr, c: sympy.Expr, length: int) -> sympy.Ex
     )
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("n", range(5))
 def test_terms_are_the_printed_series_for_every_alpha(n: int) -> None:
     g1, _, g3 = GAMMA
@@ -69,6 +70,7 @@ def test_terms_are_the_printed_series_for_every_alpha(n: int) -> None:
         assert sympy.cancel(sympy.powsimp(sympy.expand(difference * g3 ** (2 * ALPHA * (n + 1))))) == 0
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", ["B", "C"])
 @pytest.mark.parametrize("n", range(4))
 def test_terms_satisfy_the_compatibility_equation_for_every_alpha(name: str, n: int) -> None:

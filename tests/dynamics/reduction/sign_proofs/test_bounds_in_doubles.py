@@ -68,6 +68,7 @@ def test_what_has_no_motion_has_no_window(case, other, attracts):
     assert not (is_empty and windows), case
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("sign", [1, -1])
 @pytest.mark.parametrize("numbers", [("1", "1"), ("7/10", "3/2"), ("1/50", "20")])
 def test_the_border_of_a_closed_form_is_found_to_nine_digits(numbers, sign):

@@ -188,6 +188,7 @@ def test_the_mirror_image_has_the_mirror_windows(obstacle):
     assert rests(here) == pytest.approx([-g2 for g2 in reversed(rests(there))], abs=1e-13)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("text", "code"),
     [

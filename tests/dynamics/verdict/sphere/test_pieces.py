@@ -149,6 +149,7 @@ def test_kinks_in_g2_alone_are_admissible_and_proved(G, alpha):
     assert (verdict.verdict, verdict.proof) == ("admissible", "symbolic")
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     "text",
     [

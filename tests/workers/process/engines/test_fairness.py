@@ -7,7 +7,7 @@ from service.jobs.queue import Lane
 from service.jobs.records import JobKind, JobState
 from service.storage.database.rows import new_id
 from service.storage.tables.jobs import AttemptRow, JobRow
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 ALICE, BOB = new_id(), new_id()
 

@@ -1,6 +1,5 @@
 """Three workers on hosts whose clocks differ by two hours: every job is run once, whatever happens to it."""
 
-import os
 from pathlib import Path
 
 import pytest
@@ -8,7 +7,8 @@ import pytest
 from service.jobs.records import AttemptOutcome, JobState
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import SqlJobStore
-from tests.workers.processes import network_apart, wait_until
+from tests.support.waiting import is_alive, wait_until
+from tests.workers.processes import network_apart
 
 JOB_SECONDS = 4.0
 """Many times what a job takes to reach its limit of memory, on a busy machine too."""
@@ -106,5 +106,5 @@ def test_a_running_job_is_cancelled(installation, jobs, submit, log):
     (child,) = wait_until(lambda: runs(log))
     assert jobs.cancel(job.id).state is JobState.CANCELLED
     installation.wake_up.notify()
-    wait_until(lambda: not os.path.exists(f"/proc/{child}"))  # noqa: PTH110
+    wait_until(lambda: not is_alive(child))
     assert outcomes(jobs, job) == [AttemptOutcome.CANCELLED]

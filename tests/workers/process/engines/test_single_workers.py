@@ -3,7 +3,7 @@
 import signal
 
 from service.jobs.records import AttemptOutcome, JobState
-from tests.workers.processes import PATIENCE, wait_until
+from tests.support.waiting import PATIENCE, wait_until
 
 
 def state_of(jobs, job):

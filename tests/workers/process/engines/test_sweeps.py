@@ -8,7 +8,7 @@ from sqlalchemy import select
 from service.jobs.records import AttemptOutcome, JobState
 from service.storage.codecs.packing import SOLVED, decode_points
 from service.storage.tables.jobs import AttemptRow, JobRow
-from tests.workers.processes import wait_until
+from tests.support.waiting import wait_until
 
 POINTS = 200
 LARGEST_CHUNK = 30

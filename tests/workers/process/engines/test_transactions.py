@@ -10,8 +10,7 @@ from service.storage.database.migration import migrate
 from service.storage.jobs import job_store
 from service.storage.jobs.queue import announce
 from tests.support.finishing import finish_success
-from tests.support.waiting import wait_until
-from tests.workers.processes import PATIENCE
+from tests.support.waiting import PATIENCE, wait_until
 from workers.process.notifications import Notifications
 
 TABLES = ("jobs", "attempts", "solutions", "dense_outputs", "samples")

@@ -58,6 +58,7 @@ def test_the_general_bobylev_steklov_motion_passes_poles(alpha, printed):
             assert (state[3] - abs(state[5]) ** alpha).contains(0)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("A", "text"), [(3, NOT_EVEN), ("17/10", NOT_EVEN), (4, "-g1*(4*g1^2+3*g3^2) + (4*g1^2+g3^2)/10")]
 )

@@ -107,6 +107,7 @@ def test_it_is_that_of_pieces_of_time_and_of_windows_found_in_balls(case: Case):
         assert fast.energy.overlaps(slow.energy)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("text", "lambda_"),
     [
@@ -129,6 +130,7 @@ def test_it_is_proven_by_a_strip_through_poles_too(text, lambda_):
         assert bool(found.rad() < arb(2) ** -130)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("gap", ["1e-3", *seldom("-1e-3", "1e-4", "1e-6"), "-1e-6"])
 def test_next_to_a_separatrix_it_is_that_of_elliptic_functions(gap):
     text = f"-g1 + {SEPARATRIX * (1 + Fraction(gap))}*(g1^2-g2^2)"
@@ -164,6 +166,7 @@ def test_mirror_images_are_one_window():
         assert bool(starts[1].v.cos() < 0)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("A", "C", "text", "lambda_"),
     [

@@ -32,6 +32,7 @@ def test_motions_that_never_close(text, reason):
     assert reason in refusal.message
 
 
+@pytest.mark.long
 def test_a_pole_passed_without_powers():
     # −Q log(1 − g2²) is bounded there, and no power of any coordinate.
     refusal = refused("-g1 - (A*g1^2 + C*g3^2)*log(1 - g2^2)/50", PlanarMotion(Fraction(1)), A="2")

@@ -57,6 +57,7 @@ FUNCTIONS = {
 }
 
 
+@pytest.mark.one_in(4)
 @KINDS
 @pytest.mark.parametrize("name", FUNCTIONS)
 @given(st.floats(4.0, 6.0), st.floats(-1.0, 1.0), st.floats(-0.5, 0.5))

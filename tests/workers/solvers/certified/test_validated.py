@@ -83,7 +83,7 @@ def contains(state: Sequence[arb], truth: Sequence[arb]) -> bool:
 
 @pytest.mark.random_law
 def test_enclosures_contain_the_motion_of_independent_taylor_series():
-    for seed in range(examples(4, 40)):
+    for seed in range(examples(2, 40)):
         moments, state, field, truths = motion(seed)
         found = enclosed(field, moments, state, TIMES)
         for values, truth in zip(found.states, truths, strict=True):

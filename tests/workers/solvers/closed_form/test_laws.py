@@ -15,7 +15,7 @@ from tests.support.effort import examples
 from tests.support.planar import body, planar
 from tests.support.solving import solve_planar
 from tests.workers.solvers.closed_form.test_motion import solve
-from workers.solvers.closed_form.elliptic import make_closed_form
+from workers.solvers.closed_form.family import make_closed_form
 from workers.solvers.three_terms.intervals import RootsUndecidedError, intervals, make_curve
 from workers.solvers.three_terms.variables import MirrorImage, trip_time
 

@@ -17,8 +17,7 @@ from tests.support.golden import GOLDEN
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
 from tests.workers.solvers.closed_form.reference import Reference, spread
-from workers.solvers.closed_form.elliptic import make_closed_form
-from workers.solvers.closed_form.family import solve_closed_form
+from workers.solvers.closed_form.family import make_closed_form, solve_closed_form
 from workers.solvers.three_terms.intervals import intervals, make_curve
 from workers.solvers.three_terms.variables import MirrorImage, trip_time
 
@@ -122,6 +121,7 @@ CASES = [
 ]
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize(("terms", "nu"), CASES)
 def test_error_bounds_the_departure_from_another_formula(terms, nu):
     nu = Fraction(nu)

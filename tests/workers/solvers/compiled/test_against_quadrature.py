@@ -51,6 +51,7 @@ def agrees(rigid_body, potential, motion, tier):
     return True
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.random_law
 @pytest.mark.parametrize("tier", ["draft", "standard"])
 def test_random_motions_keep_their_claim(tier):
@@ -109,6 +110,7 @@ def test_draft_keeps_its_claim_against_standard_on_a_thousand_motions():
     assert compared > 0.3 * count
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("tier", ["draft", "standard"])
 def test_few_motions_are_left_to_the_quadrature(tier):
     """So the law above is about something. Always the same motions: their share is no matter of chance.

@@ -92,6 +92,7 @@ def loop_of(rigid_body, log_lambda=-0.2):
     return loop
 
 
+@pytest.mark.one_in(4)
 @pytest.mark.parametrize("text", FORMULAS)
 @pytest.mark.parametrize("rigid_body", BODIES, ids=lambda each: f"{each.A}:{each.C}")
 def test_discs_hold_what_the_formula_is_in_the_complex_plane(rigid_body, text):

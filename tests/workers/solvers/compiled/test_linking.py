@@ -157,6 +157,7 @@ def test_each_function_is_translated_once_and_machine_code_is_made_of_what_pytho
     assert call() == f"[{RIGHT}, []]"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("lost", one_in(3, ["middle", "inner", "outer"]))
 def test_parts_of_several_processes_are_linked(tmp_path, call, lost):
     call()
@@ -188,6 +189,7 @@ def test_the_level_of_this_processor_is_the_one_that_the_loader_finds():
     assert level(binding.get_host_cpu_features().flatten()) == max(found, default=None)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(level(binding.get_host_cpu_features().flatten()) is None, reason="no such level here")
 def test_code_of_one_model_is_found_on_another_of_its_level_and_not_on_one_below(call):
     everything = [f"{name} entry" for name in ("inner", "middle", "outer")]

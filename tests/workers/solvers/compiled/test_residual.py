@@ -14,6 +14,7 @@ from service.dynamics.defect.equations import Equations
 from service.dynamics.defect.evidence import check_residual, check_samples
 from service.dynamics.problem import Accuracy, PlanarMotion
 from service.dynamics.solution.dense_output import DenseOutput
+from tests.support.effort import examples
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
 from workers.solvers import evidence
@@ -128,7 +129,7 @@ def test_a_solution_of_the_very_equations_keeps_its_claim(motion):
 
 
 @given(st.integers(0, 7), st.integers(0, 20), st.floats(-12.0, -4.0), st.integers(0, 5))
-@settings(max_examples=60)
+@settings(max_examples=examples(15, 100))
 def test_a_claim_that_arrays_raise_is_not_kept(motion, piece, degree, size, column):
     """An error is planted in one coefficient: wherever the arrays see it, compiled code leaves it to them."""
     coefficients = motion.dense.coefficients.copy()
@@ -195,7 +196,7 @@ def test_samples_keep_a_claim_only_where_arrays_keep_it(motion, place, column, s
 
 
 @given(st.lists(st.floats(0.2, 2.0), min_size=3, max_size=3), st.integers(0, 2**32 - 1))
-@settings(max_examples=25)
+@settings(max_examples=examples(6, 50))
 def test_the_defect_of_any_polynomials_bounds_what_is_integrated(lengths, seed):
     """Not of a motion: D is as large as the polynomials themselves, and pieces are cut.
 

@@ -34,6 +34,7 @@ def flat(problem):
     return [(c, i, j, k) for c, (i, j, k) in problem]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.random_law
 @pytest.mark.parametrize(
     ("name", "count"),

@@ -27,6 +27,7 @@ ONE = Fraction(1)
 TO_TEN = np.array([10.0])
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("s_sign", [1, -1])
 @pytest.mark.parametrize(

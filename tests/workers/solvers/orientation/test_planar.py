@@ -40,6 +40,7 @@ WITNESSED = [
 ]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", WITNESSED)
 def test_three_periods_agree_with_an_integration_of_everything(name):
     rigid_body, V, motion = solved_row(name)

@@ -7,12 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.orientation import (
     QUATERNION,
     orientation_columns,
     orientation_errors,
+    quaternion_product,
 )
 from service.dynamics.problem import PlanarMotion
+from tests.support.doubled_series import Motion
 from tests.support.effort import examples
 from tests.support.heyoka_integrator import HEYOKA
 from tests.support.planar import body, formula, planar
@@ -37,6 +40,7 @@ def quaternion_at(orientation, times):
     return np.stack([columns[name] for name in QUATERNION], axis=1)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("integrator", [HEYOKA, "dop853"])
 @pytest.mark.parametrize(
     ("omega", "gamma", "named"),
@@ -84,6 +88,30 @@ def test_gamma_is_the_third_row_of_a_rotation_in_both_directions_of_time(omega, 
     columns = orientation_columns(orientation.dense, np.zeros(1))
     # 0 at t = 0, up to the sum that was subtracted.
     assert all(abs(columns[name][0]) <= 1e-14 for name in columns if name.startswith("psi"))
+
+
+@pytest.mark.parametrize("gap", [Fraction(1, 10**5), Fraction(1, 10**6)])
+def test_a_top_that_stays_next_to_the_vertical_needs_few_pieces(gap):
+    """Its axis moves as slowly as it is close: nothing of its way next to the vertical is hidden."""
+    top, times = body(2, 2, 1), np.linspace(0.0, 10.0, 11)
+    omega, whole = (gap / 3, Fraction(0), Fraction(3)), 1 + gap * gap
+    gamma = (2 * gap / whole, Fraction(0), (2 - whole) / whole)
+    motion = integrate_state(top, formula("g3", top), omega, gamma, times, tolerance=1e-12)
+    orientation = with_orientation(motion, equations=Equations.of(top, formula("g3", top)))
+    assert len(orientation.dense.breaks) <= 100
+    columns, quaternion = orientation_columns(orientation.dense, times), quaternion_at(orientation, times)
+    errors = orientation_errors(orientation.dense, times)
+    reference = Motion((top.A, top.B, top.C), ((Fraction(1), 0, 0, 1),))
+    turns = np.array(reference.turned((*omega, *gamma), [Fraction(t) for t in times.tolist()]), dtype=float)
+    exact = quaternion_product(quaternion[0], turns[:, 6:])
+    # The first quaternion is that of doubles.
+    assert np.abs(quaternion - exact).max() <= errors["q0"] + 1e-15 <= 1e-12
+    third = rotation_matrix(exact)[:, :2, 2]
+    azimuths = np.arctan2(third[:, 1], third[:, 0])
+    apart = columns["psi3"] - (azimuths - azimuths[0])
+    # Up to whole turns; rotations in doubles know a horizontal part of the size of the gap to an ulp of 1.
+    assert np.abs(2.0 * np.sin(apart / 2.0)).max() <= errors["psi3"] + 4e-16 / float(gap)
+    assert errors["psi3"] <= 1e-12 / float(gap)
 
 
 def test_an_axis_that_is_vertical_for_an_instant_has_no_azimuth():

@@ -12,7 +12,7 @@ from service.dynamics.sampling import PeriodNeededError
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
 from workers.solvers.integration.solve import integrate_state
-from workers.solvers.quadrature.aperiodic import MotionEndedError
+from workers.solvers.quadrature.family import MotionEndedError
 
 DOUBLE = body(2, 1, "3/2")
 NU_1 = PlanarMotion(None, Fraction(1))
@@ -30,6 +30,7 @@ def from_point(g1, **options):
     return PlanarMotion(None, Fraction(1), start=StartAtPoint(Fraction(g1)), **options)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("strength", "expected"),
     [("1/20", "1.06647559407919763218981408942"), ("1/5", "0.82119911108083424708898369890624")],
@@ -76,6 +77,7 @@ def test_a_separatrix_ends_at_its_equilibrium():
         assert abs(end.rate.value - np.sqrt(2.0 * (x1 + 1.0 / x1)) / 2.0) <= end.rate.error + 4e-16
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("text", "start", "times"),
     [

@@ -12,7 +12,7 @@ from service.dynamics.verdict.simple_form import simplified
 from tests.support.euler_poisson import rates_of
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
-from workers.solvers.quadrature.aperiodic import MotionEndedError
+from workers.solvers.quadrature.family import MotionEndedError
 
 DOUBLE = body(2, 1, "3/2")
 Q = "(2*g1^2+g3^2)"
@@ -88,6 +88,7 @@ CASES = {
 }
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("text", "window", "c", "G", "moves", "power"), CASES.values(), ids=CASES)
 def test_the_time_of_a_collision_is_that_of_another_quadrature(text, window, c, G, moves, power):
     with mpmath.workdps(40):

@@ -58,6 +58,7 @@ def test_energies_are_the_golden_ones(golden):
     )
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("alpha", "period"),
     [
@@ -79,6 +80,7 @@ def test_generalised_bobylev_steklov_periods(alpha, period):
     assert motion.conventions == ("symmetric_pole_passage",)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("text", "half_period"),
     [
@@ -111,6 +113,7 @@ def test_periods_near_separatrices(text, half_period):
     assert found.error <= 1e-15 * found.hi
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("power", "written"), [("-w", "-w*(1 + w)/(1 + w)"), ("-w^2", "-exp(2*log(w))")])
 def test_an_angular_part_by_series_is_that_by_hypergeometric_functions(power, written):
     """Where F is not seen to be a power of w, V1 is a series of its integrals along the curve."""

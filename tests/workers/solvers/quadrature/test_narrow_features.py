@@ -80,6 +80,7 @@ def claimed_gap(period, exact: arb) -> tuple[arb, float]:
     return abs(arb(period.hi) + arb(period.lo) - exact), period.error
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("exponent", "place", "height"), FEATURES)
 def test_periods_see_features_of_any_width(exponent, place, height):
     text = feature_text(exponent, place, height)

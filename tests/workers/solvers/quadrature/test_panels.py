@@ -15,7 +15,7 @@ from service.dynamics.reduction.windows import choose_window, find_windows
 from service.dynamics.solution.dense_output import EPSILON
 from tests.support.planar import body, formula
 from workers.solvers.orbits.orbit import make_orbit
-from workers.solvers.quadrature.ellipse import DEGREE, Ellipse
+from workers.solvers.quadrature.ellipse import PANEL_DEGREE, Ellipse
 from workers.solvers.quadrature.panel import make_panel
 from workers.solvers.quadrature.squared_speed import phase_speed
 from workers.solvers.quadrature.time_map import make_time_map
@@ -53,6 +53,7 @@ class Bump:
         return None
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("exponent", [0, 1, 2, 4, 8, 12])
 def test_no_claim_of_a_time_map_is_exceeded(exponent):
     random = np.random.default_rng(exponent)
@@ -111,7 +112,7 @@ def test_it_is_the_bound_that_sees_what_is_between_the_nodes():
 
 def test_a_panel_that_is_not_proved_takes_a_positive_time():
     """Where the rate is small between the points of the series, their departure corrects nothing."""
-    degree = 2 * DEGREE
+    degree = 2 * PANEL_DEGREE
 
     def rate(theta: arb) -> arb:
         # 1 at the points of the series, 1e-3 at those between.

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 from flint import ctx
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from service.dynamics.errors import MissingMomentError
 from service.dynamics.solution.dense_output import Period
@@ -12,72 +10,73 @@ from tests.workers.solvers.stability.cases import Case, bobylev_steklov, case, l
 from workers.solvers.errors import PrecisionLostError
 from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.quadrature.errors import QuadratureNotConvergedError
-from workers.solvers.stability import assessment
 from workers.solvers.stability import monodromy as turns
 from workers.solvers.stability.assessment import (
     MAX_PERIODS,
     UNIT_ROUNDOFF,
     hill_monodromy,
-    power_norms,
-    rotating_norms,
     trusted_time,
 )
-from workers.solvers.stability.monodromy import Monodromy, StabilityUndefinedError
+from workers.solvers.stability.monodromy import StabilityUndefinedError
 
 PERIOD = Period(2.0 * np.pi, 0.0, 0.0)
 """T = 2π: frequency 1."""
 
 
-def monodromy(*entries: float) -> Monodromy:
-    return Monodromy(np.array(entries).reshape(2, 2), error=0.0, excursion=1.0, nodes=0)
+def trusted(matrix, tolerance, speed=1.0, roundoff=UNIT_ROUNDOFF):
+    return trusted_time(np.array(matrix), 1.0, speed, PERIOD.hi, tolerance, roundoff)
 
 
-@given(st.floats(-3.0, 3.0), st.floats(-2.0, 2.0), st.floats(0.1, 3.0))
-def test_norms_of_powers(a, b, c):
-    # det = a d − b c = 1 with d chosen, or a shear.
-    M = np.array([[a, b], [c, (1.0 + b * c) / a]]) if abs(a) > 0.1 else np.array([[1.0, b], [0.0, 1.0]])
-    norms = power_norms(M, 6)
-    expected = [np.linalg.norm(np.linalg.matrix_power(M, k)) for k in range(7)]
-    # A rounding of every factor; near trace 2 the angle is known to the root of one only.
-    scale = np.linalg.norm(M) ** np.arange(7) + 7.0
-    assert np.all(np.abs(norms - expected[: len(norms)]) <= 1e-12 * scale[: len(norms)])
+MATRICES = {
+    "stable": [[0.6, 3.2], [-0.2, 0.6]],
+    "nearly a shear": [[0.99999, 1.0], [-1.99999e-5, 0.99999]],
+    "unstable": [[1.1, 0.3], [0.7, 1.1]],
+    "four variables": np.kron([[1.0, 0.5], [0.0, 1.0]], [[0.8, 0.6], [-0.6, 0.8]]),
+}
+
+
+@pytest.mark.parametrize("name", MATRICES)
+@pytest.mark.parametrize("count", [1, 7, 300])
+def test_the_trusted_time_is_that_of_the_sum_of_all_powers(name, count):
+    """Σ‖M^k‖² one by one; by Cauchy and Schwarz it bounds the sum of the norms, from above."""
+    M = np.array(MATRICES[name])
+    norms = np.array([np.linalg.norm(np.linalg.matrix_power(M, k)) for k in range(count + 1)])
+    reached = [np.sqrt((n + 1) * np.square(norms[: n + 1]).sum()) for n in (count - 1, count)]
+    assert reached[1] >= norms.sum()
+    # Halfway between two of them, in logarithms. Powers have the roundings of as many products.
+    found = trusted(M, UNIT_ROUNDOFF * np.sqrt(reached[0] * reached[1]))
+    assert found == pytest.approx((count - 0.5) * PERIOD.hi, rel=1e-9)
 
 
 def test_trusted_time_of_an_unstable_motion_is_logarithmic():
-    M = monodromy(4.0, 0.0, 0.0, 0.25)
-    times = [trusted_time(M, 1.0, PERIOD, tolerance) for tolerance in (1e-9, 1e-9 * 4.0**5)]
-    # Five periods for five factors of mu = 4; the other multiplier's share of the sum is 1e-7.
-    assert times[1] - times[0] == pytest.approx(5.0 * PERIOD.hi, rel=1e-6)
-    # ln(tolerance/u)/exponent itself, but for the sum of the roundings of all periods, 4/3 and √2.
+    one, two = (trusted([[4.0, 0.0], [0.0, 0.25]], 1e-9 * by) for by in (1.0, 4.0**5))
+    # Five periods for five factors of mu = 4; the root of 16 over 11 is a quarter of a factor of 4.
+    assert two - one == pytest.approx(5.0 * PERIOD.hi, rel=0.06)
     alone = np.log(1e-9 / UNIT_ROUNDOFF) / (np.log(4.0) / PERIOD.hi)
-    assert alone - 0.3 * PERIOD.hi <= times[0] <= alone
+    # What is lost to the root of the number of periods and to the sum of their roundings.
+    assert alone - 1.5 * PERIOD.hi <= one <= alone
 
 
 def test_trusted_time_of_a_rotation_is_proportional():
-    M = monodromy(0.6, 0.8, -0.8, 0.6)
+    M = [[0.6, 0.8], [-0.8, 0.6]]
     # Every period adds one rounding of norm √2.
-    assert trusted_time(M, 1.0, PERIOD, 1e5 * np.sqrt(2.0) * UNIT_ROUNDOFF) == pytest.approx(
-        (1e5 - 1.0) * PERIOD.hi
-    )
-    assert trusted_time(M, 1.0, PERIOD, 2.0 * MAX_PERIODS * UNIT_ROUNDOFF) is None
-    assert trusted_time(M, 1.0, PERIOD, UNIT_ROUNDOFF) == 0.0
+    assert trusted(M, 1e5 * np.sqrt(2.0) * UNIT_ROUNDOFF) == pytest.approx((1e5 - 1.0) * PERIOD.hi)
+    assert trusted(M, 2.0 * MAX_PERIODS * UNIT_ROUNDOFF) is None
+    assert trusted(M, UNIT_ROUNDOFF) == 0.0
 
 
 def test_trusted_time_of_a_shear_grows_like_the_root():
-    M = monodromy(1.0, 3.0, 0.0, 1.0)
-    one, two = (trusted_time(M, 1.0, PERIOD, 3.0 * n**2 / 2.0 * UNIT_ROUNDOFF) for n in (1e3, 2e3))
-    # Sum of 3 k for k <= n; what is left out is of order 1/n.
+    one, two = (trusted([[1.0, 3.0], [0.0, 1.0]], np.sqrt(3.0) * n**2 * UNIT_ROUNDOFF) for n in (1e3, 2e3))
+    # The root of n times the sum of (3 k)² for k <= n; what is left out is of order 1/n.
     assert one == pytest.approx(1e3 * PERIOD.hi, rel=2e-3)
     assert two == pytest.approx(2.0 * one, rel=2e-3)
 
 
 def test_faster_motions_and_smaller_roundings():
-    M = monodromy(4.0, 0.0, 0.0, 0.25)
-    plain = trusted_time(M, 1.0, PERIOD, 1e-8)
-    # A rounding of a speed four times as large costs one period; one four times as small gains it.
-    assert trusted_time(M, 4.0, PERIOD, 1e-8) == pytest.approx(plain - PERIOD.hi, rel=1e-6)
-    gained = trusted_time(M, 1.0, PERIOD, 1e-8, UNIT_ROUNDOFF / 4.0)
-    assert gained == pytest.approx(plain + PERIOD.hi, rel=1e-6)
+    M = [[4.0, 0.0], [0.0, 0.25]]
+    # A rounding of a speed four times as large is one four times as large, a tolerance a quarter of it.
+    assert trusted(M, 1e-8, speed=4.0) == pytest.approx(trusted(M, 0.25e-8), rel=1e-12)
+    assert trusted(M, 1e-8, roundoff=UNIT_ROUNDOFF / 4.0) == pytest.approx(trusted(M, 4e-8), rel=1e-12)
 
 
 @pytest.mark.parametrize("B", ["1/2", "1", "2", "3", "4"])
@@ -126,37 +125,3 @@ def test_next_to_a_separatrix_panels_follow_the_motion():
     # Roundings of some fifty panels.
     assert hill.error <= 5e-12
     assert abs(np.linalg.det(hill.matrix) - 1.0) <= hill.error
-
-
-@pytest.mark.parametrize("trace", [0.3, -1.9999, 2.0, 2.0 + 1e-7, 5.0])
-@pytest.mark.parametrize("tolerance", [1e-15, 1e-11, 1e-9, 1e-4])
-def test_trusted_time_is_the_same_however_many_periods_are_looked_at_together(trace, tolerance, monkeypatch):
-    M = monodromy(trace, -1.0, 1.0, 0.0)
-    in_parts = trusted_time(M, 1.0, PERIOD, tolerance)
-    monkeypatch.setattr(assessment, "PERIODS_TOGETHER", MAX_PERIODS + 1)
-    # Roundings of sums of a million norms, in another order where harmonics were summed.
-    assert trusted_time(M, 1.0, PERIOD, tolerance) == (
-        in_parts if in_parts is None else pytest.approx(in_parts, rel=1e-11)
-    )
-
-
-@given(st.floats(-1.999, 1.999), st.floats(0.01, 100.0), st.integers(0, 3000))
-@settings(deadline=None)
-def test_sums_of_norms_by_harmonics(trace, stretch, last):
-    """Against the norms themselves; harmonics are there unless the powers are all but those of a shear."""
-    phi = np.arccos(0.5 * trace)
-    turn = np.array([[np.cos(phi), stretch * np.sin(phi)], [-np.sin(phi) / stretch, np.cos(phi)]])
-    rotating = rotating_norms(turn)
-    assert rotating is not None
-    norms = power_norms(turn, last)
-    # Harmonics leave out 1e-14 of a norm each; angles of 3000 powers are known to 1e-12.
-    assert rotating.total(last) == pytest.approx(norms.sum(), rel=1e-10)
-    goal = 0.5 * (norms[:-1].sum() + norms.sum())
-    found = rotating.reach(goal, 0)
-    assert found is None or found[0] == last
-    assert norms.max() <= rotating.largest * (1.0 + 1e-12)
-
-
-@pytest.mark.parametrize("trace", [2.0, -2.0, 5.0])
-def test_no_harmonics_unless_all_powers_are_bounded(trace):
-    assert rotating_norms(monodromy(trace, -1.0, 1.0, 0.0).matrix) is None

@@ -12,7 +12,7 @@ from service.schemas.replies.solution_text import describe_solution
 from service.schemas.sweep.sweep import kept_numbers
 from service.storage.codecs.summary import summary_columns
 from tests.conformance.classical.specimens import FREE, LOOPS, WORKED, document, placed, random_documents
-from tests.support import fixed_point
+from tests.support import doubled_series
 from tests.support.effort import one_in
 from tests.support.random_states import unit_vector
 from tests.workers.solvers.stability.test_lame import MOMENTS, TRACES
@@ -84,7 +84,7 @@ def test_a_classical_motion_with_zero_areas_is_the_planar_one():
 
 
 @pytest.mark.parametrize("name", one_in(3, [name for name in LOOPS if name in FREE]))
-def test_multipliers_of_classical_cases_are_those_of_series_in_integers(name):
+def test_multipliers_of_classical_cases_are_those_of_series(name):
     (drawn,) = random_documents(name, 5, 1)
     found = summary(drawn["body"], drawn["potential"], drawn["motion"], ("stability", "period"))
     stability, there = found["stability"], placed(drawn)
@@ -92,8 +92,8 @@ def test_multipliers_of_classical_cases_are_those_of_series_in_integers(name):
     moments = (there.body.A, there.body.B, there.body.C)
     state = (*there.start.omega, *there.start.gamma)
     period = Fraction(found["period"]["value"])
-    carried = fixed_point.Motion(moments, tuple(terms)).carried(state, period)
-    trace = Fraction(sum(row[n] for n, row in enumerate(carried)), 1 << fixed_point.BITS) - 4
+    carried = doubled_series.Motion(moments, tuple(terms)).carried(state, period)
+    trace = sum(row[n] for n, row in enumerate(carried)) - 4
     # The period is that of doubles, 1e-15 of itself; its share of the trace is below the radius.
     assert abs(Fraction(stability["trace"]) - trace) <= Fraction(stability["error"])
     assert stability["proof"] == "theorem"

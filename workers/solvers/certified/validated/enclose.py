@@ -15,7 +15,8 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from service.dynamics.formula.algebras.ball import ball
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball
+from service.dynamics.solution.ball_columns import exact_middle
 from workers.solvers.certified.certify import ALLOWED_BITS, HIGHEST_PRECISION, is_narrow
 from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.certified.validated.curves import StepTooLongError
@@ -42,6 +43,10 @@ GUARD_BITS = 24
 ORDER_PER_BIT = 0.4
 """Order of the polynomials: a larger one makes steps longer and each of them dearer. Measured."""
 LEAST_ORDER = 16
+TIME_BITS = 96
+"""Bits of the rational next to a time in a ball; so many more than those of what is asked there."""
+BOX = 2.0**-20
+"""Half a side of the box about a state, which the motion does not leave in the ball of a time."""
 SHORTEST = Fraction(1, 2**34)
 """Steps that would have to be shorter than this part of the whole time are met at a singularity."""
 
@@ -201,6 +206,47 @@ def enclose(
         whole = max(abs(latest), abs(earliest))
         needed = spare * min(4.0, float(whole / abs(reached)) if reached else 4.0)
         spare = max(spare + GUARD_BITS, int(1.1 * needed) + ALLOWED_BITS)
+
+
+def enclose_at(system: System, start: Start, times: Sequence[arb], bits: int) -> list[tuple[arb, ...]]:
+    """Return balls of the variables at the true times in balls ``times``, by the rationals next to them.
+
+    Raises
+    ------
+    CertifiedUnavailableError
+        As :func:`enclose`, or a time is not known well enough.
+    """
+    nearby = [rational_next_to(time, bits + TIME_BITS) for time in times]
+    found, recorded = enclose(system, start, nearby, bits), record(system)
+    states = list[tuple[arb, ...]]()
+    with ctx.workprec(found.precision + TIME_BITS):
+        for time, near, state in zip(times, nearby, found.states, strict=True):
+            late = arb(abs(time - ball(near)).abs_upper())
+            rates = recorded.right_side.run(BallAlgebra(), box_until(recorded, state, late))
+            moved = (late * abs(rates[n]) if n in rates else arb(0) for n in range(len(state)))
+            states.append(tuple(x + arb(0, far.abs_upper()) for x, far in zip(state, moved, strict=True)))
+    return states
+
+
+def box_until(recorded: Recorded, state: Sequence[arb], late: arb) -> list[arb]:
+    """Return a box about a state that the motion does not leave for a time ``late``.
+
+    Raises
+    ------
+    CertifiedUnavailableError
+        It may leave it.
+    """
+    box = [value + arb(0, BOX) for value in state]
+    rates = recorded.right_side.run(BallAlgebra(), box).values()
+    if not all(abs(rate) * late < BOX / 2 for rate in rates):
+        raise CertifiedUnavailableError("a time is not known well enough to tell where it is then")
+    return box
+
+
+def rational_next_to(value: arb, bits: int = TIME_BITS) -> Fraction:
+    """Return a number next to the midpoint that has so many bits."""
+    with ctx.workprec(bits):
+        return exact_middle(value.mid() + 0)
 
 
 def _until(t: Fraction) -> str:

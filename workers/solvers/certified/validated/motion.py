@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.defect.equations import integrals_at
-from service.dynamics.equations.orientation import LOCAL_QUATERNION, VERTICAL_ANGLE
+from service.dynamics.equations.orientation import LOCAL_QUATERNION, attitude_in
 from service.dynamics.errors import MissingMomentError
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.motion import COLUMNS, Estimate, Motion
@@ -127,7 +127,7 @@ def _turning(
         axes = tuple(AXES[name] for name in names)
         try:
             found = enclose(
-                TurningBody(system, axes), partial(_with_attitude, start, axes), instants, bits, watch=watch
+                TurningBody(system, axes), partial(with_attitude, start, axes), instants, bits, watch=watch
             )
         except CertifiedUnavailableError:
             if not names:
@@ -137,18 +137,11 @@ def _turning(
     raise AssertionError
 
 
-def _with_attitude(start: Start, axes: tuple[int, ...]) -> tuple[arb, ...]:
-    """Return the state with the quaternion of :func:`.attitude` in balls, and azimuths of 0."""
+def with_attitude(start: Start, axes: tuple[int, ...]) -> tuple[arb, ...]:
+    """Return the state with its attitude, and azimuths of 0."""
     state = tuple(start())
-    g1, g2, g3 = state[3:6]
-    tilt = (g2 * g2 + g3 * g3).sqrt()
-    if float(tilt) > VERTICAL_ANGLE:
-        turn, other, sign = arb.atan2(g2, g3) / 2, -arb.atan2(g1, tilt) / 2, -1
-    else:
-        side = (g1 * g1 + g3 * g3).sqrt()
-        turn, other, sign = arb.atan2(g2, side) / 2, arb.atan2(-g1, g3) / 2, 1
-    (s1, c1), (s2, c2) = turn.sin_cos(), other.sin_cos()
-    return (*state, c1 * c2, s1 * c2, c1 * s2, sign * s1 * s2, *(arb(0) for _ in axes))
+    turn = attitude_in(BallAlgebra(), state[3:6], [float(g) for g in state[3:6]])
+    return (*state, *turn, *(arb(0) for _ in axes))
 
 
 def function_of_time(found: Enclosure, columns: tuple[str, ...]) -> DenseOutput:

@@ -9,7 +9,7 @@ x1 being the equator, x2 = −1/x1. The distances between its zeros are rounded 
 doubles after they are formed, so next to a separatrix they keep all their digits.
 With L1 > 0 and L2 > 0 linear and vanishing at the zeros next to lo ≤ x ≤ hi,
 x = lo cos²φ + hi sin²φ, tan φ = √(L1(lo)/L1(hi)) tan χ and χ an amplitude of the
-uniform ψ (:mod:`workers.solvers.closed_form.elliptic`), the period of x is
+uniform ψ (:mod:`workers.solvers.closed_form.family`), the period of x is
 
 .. math:: T = \frac{2\pi}{M}\,\Bigl\langle \sqrt{L_1 L_2/k}\Bigr\rangle_\psi,
           \quad k = \dot x^2/((x-lo)(hi-x)),
