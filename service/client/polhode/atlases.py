@@ -33,7 +33,7 @@ class Atlas(Generic[CarrierT]):
     document
         The atlas as the service tells it.
     question
-        The document that it answers; None if a job has drawn it.
+        The document that it answers; None of an atlas that was asked for by its id.
     id
         Of the stored atlas, if a job has drawn it; else None.
     """
@@ -158,11 +158,13 @@ def draw(carrier: CarrierT, question: Document, seconds: float | None) -> Operat
     document: Document = json.loads(reply.content)
     if reply.status != _ACCEPTED:
         return Atlas(carrier, document, question, None)
-    return (yield from stored_atlas(carrier, (yield from _stored(terms, document, seconds))))
+    return (yield from stored_atlas(carrier, (yield from _stored(terms, document, seconds)), question))
 
 
-def stored_atlas(carrier: CarrierT, atlas_id: str) -> Operation[Atlas[CarrierT]]:
-    """Return an atlas that a job has drawn.
+def stored_atlas(
+    carrier: CarrierT, atlas_id: str, question: Document | None = None
+) -> Operation[Atlas[CarrierT]]:
+    """Return an atlas that a job has drawn, for ``question`` if that is known.
 
     Raises
     ------
@@ -170,7 +172,7 @@ def stored_atlas(carrier: CarrierT, atlas_id: str) -> Operation[Atlas[CarrierT]]
         There is none of this id.
     """
     document = yield from ask_json(carrier.terms, "GET", f"/v1/atlases/{atlas_id}")
-    return Atlas(carrier, document, None, atlas_id)
+    return Atlas(carrier, document, question, atlas_id)
 
 
 def _stored(terms: Terms, job: Document, seconds: float | None) -> Operation[str]:
