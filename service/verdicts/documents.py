@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.bounds import printed_error
 from service.dynamics.discovery.cases import known_cases
-from service.dynamics.discovery.outcomes import NotPolynomialError, TooManyTermsError
+from service.dynamics.discovery.outcomes import FunctionTooLargeError, NotPolynomialError
 from service.dynamics.discovery.potential_search import ratios_that_admit
 from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.real import RealAlgebra
@@ -219,7 +219,7 @@ def ratios_document(body: RigidBody, potential: Potential, stated: Part) -> Docu
         parameters = {name: exact_number(value) for name, value in given.items()}
     try:
         return ratios_that_admit(text, parameters, B=body.B, C=body.C).to_document()
-    except (NotPolynomialError, TooManyTermsError):
+    except (NotPolynomialError, FunctionTooLargeError):
         return None
 
 

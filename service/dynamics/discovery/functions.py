@@ -16,7 +16,7 @@ from typing import TypeVar
 from flint import Ordering, arb, fmpz_mpoly, fmpz_mpoly_ctx
 
 from service.dynamics.defect.equations import rates_with
-from service.dynamics.discovery.outcomes import TooManyTermsError, UndefinedFunctionError
+from service.dynamics.discovery.outcomes import FunctionTooLargeError, UndefinedFunctionError
 from service.dynamics.discovery.setting import POTENTIAL_POINTER, STATE, VELOCITIES, LetteredSetting
 from service.dynamics.discovery.strata import Letters, by_powers, coefficients
 from service.dynamics.errors import ImpossibleInertiaError
@@ -247,17 +247,19 @@ class Functions:
             detail = (
                 f"a formula with {error}: at most {MAX_TERMS} terms when it is multiplied out, and degrees"
             )
-            raise TooManyTermsError(f"{detail} up to {MAX_DEGREE}, are accepted", pointer=pointer) from error
+            raise FunctionTooLargeError(
+                f"{detail} up to {MAX_DEGREE}, are accepted", pointer=pointer
+            ) from error
         except UndefinedFunctionError as error:
             raise UndefinedFunctionError(error.message, pointer=pointer) from error
 
     def require_setting(self) -> None:
         """Refuse a potential without a value, and moments that are not positive for any letters."""
         setting, at = self.setting, (0,) * self.first_letter
-        with suppress(TooManyTermsError):
+        with suppress(FunctionTooLargeError):
             self.read(setting.tape(setting.potential), POTENTIAL_POINTER)
         for name, each in zip(MOMENTS, setting.moments, strict=True):
-            with suppress(TooManyTermsError):
+            with suppress(FunctionTooLargeError):
                 value = self.read(setting.tape(each), f"/body/{name}")
                 parts = [self.split(part).get(at) for part in (value.numerator, value.denominator)]
                 signs = [0 if part is None else self.letters.sign(part) for part in parts]
@@ -345,7 +347,7 @@ class Functions:
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class FunctionQuestion:
     """A function, with what judges it: the exact field, and tapes for enclosures."""
 
     field: Functions

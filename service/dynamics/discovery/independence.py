@@ -15,7 +15,7 @@ from math import prod
 from flint import Ordering, arb_mat, ctx, fmpz_mpoly, fmpz_mpoly_ctx, nmod_mat, nmod_mpoly_ctx
 
 from service.dynamics.discovery.closure import Closure, areas_polynomial, balls_of, point_modulo, states
-from service.dynamics.discovery.functions import ORDER, Functions, Question, Quotient, gradient_balls
+from service.dynamics.discovery.functions import ORDER, FunctionQuestion, Functions, Quotient, gradient_balls
 from service.dynamics.discovery.known import candidates
 from service.dynamics.discovery.outcomes import IntegralJudgement
 from service.dynamics.discovery.setting import STATE
@@ -33,7 +33,7 @@ _ONE = Fraction(1)
 
 
 def with_independence(
-    question: Question, closure: Closure, judgement: IntegralJudgement
+    question: FunctionQuestion, closure: Closure, judgement: IntegralJudgement
 ) -> IntegralJudgement:
     """Return the judgement on an integral with its independence and its name, where they are found."""
     # What is too large for either question leaves it open, and the integral one all the same.
@@ -49,7 +49,7 @@ def with_independence(
     return judgement
 
 
-def _minor(question: Question, closure: Closure) -> DecimalBall | None:
+def _minor(question: FunctionQuestion, closure: Closure) -> DecimalBall | None:
     """Return an enclosed minor, without 0, of the derivatives of the relations, of H, I3 and I; or None."""
     field = question.field
     setting = field.setting
@@ -97,7 +97,7 @@ class _Products:
     """The degree of I in the velocities, or 1."""
 
     @classmethod
-    def of(cls, question: Question, closure: Closure) -> "_Products | None":
+    def of(cls, question: FunctionQuestion, closure: Closure) -> "_Products | None":
         """Return them; None where a relation is not solved for a variable without roots."""
         field = question.field
         setting = field.setting
@@ -220,7 +220,7 @@ class _Products:
         return products
 
 
-def _name_of(question: Question, closure: Closure) -> str | None:
+def _name_of(question: FunctionQuestion, closure: Closure) -> str | None:
     field, products = question.field, _Products.of(question, closure)
     if products is None:
         return None

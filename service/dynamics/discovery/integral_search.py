@@ -143,7 +143,7 @@ def search_integrals(
     ------
     NotPolynomialError
         The potential is no polynomial in g1, g2, g3.
-    TooManyTermsError, UndefinedFunctionError
+    FunctionTooLargeError, UndefinedFunctionError
         The potential is too large, or has no value.
     SearchTooLargeError
         More unknowns than are solved for.

@@ -24,7 +24,7 @@ from service.dynamics.discovery.closure import (
     states,
     triangular_set,
 )
-from service.dynamics.discovery.functions import Functions, Question, Quotient
+from service.dynamics.discovery.functions import FunctionQuestion, Functions, Quotient
 from service.dynamics.discovery.independence import with_independence
 from service.dynamics.discovery.outcomes import (
     EmptyRelationsError,
@@ -139,7 +139,7 @@ def judge_relation(
 
 def _question(
     setting: LetteredSetting, function: str, relations: Sequence[str], is_late: Callable[[], bool]
-) -> tuple[Question, list[fmpz_mpoly]]:
+) -> tuple[FunctionQuestion, list[fmpz_mpoly]]:
     tape = setting.tape(setting.read(function, FUNCTION_POINTER))
     pointers = [f"{RELATIONS_POINTER}/{number}" for number in range(len(relations))]
     others = [
@@ -151,7 +151,7 @@ def _question(
         _without_atoms(field, field.read(each, pointer).numerator, pointer)
         for each, pointer in zip(others, pointers, strict=True)
     ]
-    return Question(field, tape, is_late), polynomials
+    return FunctionQuestion(field, tape, is_late), polynomials
 
 
 def _without_atoms(field: Functions, polynomial: fmpz_mpoly, pointer: str) -> fmpz_mpoly:
@@ -166,7 +166,7 @@ def _without_atoms(field: Functions, polynomial: fmpz_mpoly, pointer: str) -> fm
 
 
 def _widest(
-    question: Question, levels: Sequence[tuple[Level, Callable[[], Closure]]]
+    question: FunctionQuestion, levels: Sequence[tuple[Level, Callable[[], Closure]]]
 ) -> tuple[tuple[Level, Closure] | None, StateCounterexample | None]:
     """Return the first level at which dI/dt = 0 is proved, and a state that refutes the one before it.
 
@@ -186,7 +186,7 @@ def _widest(
     return None, counterexample
 
 
-def _judge(question: Question, closure: Closure) -> tuple[bool, StateCounterexample | None]:
+def _judge(question: FunctionQuestion, closure: Closure) -> tuple[bool, StateCounterexample | None]:
     """Return whether dI/dt = 0 is proved where the relations hold, and a state that refutes it."""
     first, *others = PRECISIONS
     is_defined, found = _refute(question, closure, first)
@@ -209,7 +209,9 @@ def _judge(question: Question, closure: Closure) -> tuple[bool, StateCounterexam
     return False, None
 
 
-def _refute(question: Question, closure: Closure, bits: int) -> tuple[bool, StateCounterexample | None]:
+def _refute(
+    question: FunctionQuestion, closure: Closure, bits: int
+) -> tuple[bool, StateCounterexample | None]:
     """Return whether dI/dt has a value at some state, if one was found, and one at which that is not 0."""
     is_defined, has_states = False, False
     with ctx.workprec(bits):
@@ -227,7 +229,7 @@ def _refute(question: Question, closure: Closure, bits: int) -> tuple[bool, Stat
     return is_defined or not has_states, None
 
 
-def _counterexample(question: Question, state: State, rate: DecimalBall) -> StateCounterexample:
+def _counterexample(question: FunctionQuestion, state: State, rate: DecimalBall) -> StateCounterexample:
     letters = {name: str(state[name]) for name in question.field.setting.letters}
     if any(isinstance(state[name], arb) for name in STATE):
         decimals = [decimal_ball(each) for name, each in balls_of(state).items() if name in STATE]
@@ -242,7 +244,7 @@ def _counterexample(question: Question, state: State, rate: DecimalBall) -> Stat
     )
 
 
-def _multiplier(question: Question, value: Quotient) -> str | None:
+def _multiplier(question: FunctionQuestion, value: Quotient) -> str | None:
     """Return μ of f' = μ f if it is a polynomial in the state: exactly, or with |γ| = 1 put into f'."""
     field = question.field
     # What is 0 all over the sphere divides nothing.

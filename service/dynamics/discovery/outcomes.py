@@ -35,7 +35,7 @@ class EmptyRelationsError(DynamicsError):
     code: ClassVar[str] = "empty_relations"
 
 
-class TooManyTermsError(DynamicsError):
+class FunctionTooLargeError(DynamicsError):
     """A formula that is too large when it is multiplied out."""
 
     code: ClassVar[str] = "too_many_terms"

@@ -182,7 +182,7 @@ def ratios_that_admit(
     ------
     NotPolynomialError
         The formula is no polynomial in g1, g2, g3 as it stands.
-    TooManyTermsError
+    FunctionTooLargeError
         It is too large.
     FormulaError
         It is no formula.

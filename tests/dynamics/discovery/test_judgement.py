@@ -7,7 +7,11 @@ import sympy as sp
 from flint import arb, ctx
 
 from service.dynamics.discovery.judgement import judge_integral, judge_relation
-from service.dynamics.discovery.outcomes import EmptyRelationsError, TooManyTermsError, UndefinedFunctionError
+from service.dynamics.discovery.outcomes import (
+    EmptyRelationsError,
+    FunctionTooLargeError,
+    UndefinedFunctionError,
+)
 from service.dynamics.discovery.setting import read_setting
 from service.dynamics.errors import ImpossibleInertiaError
 from service.dynamics.formula.algebras.symbolic import SymbolicAlgebra
@@ -208,7 +212,7 @@ def test_what_is_too_large_for_a_proof_is_undecided(moments, field, function, re
 @pytest.mark.parametrize(
     ("moments", "field", "function", "relations", "error", "pointer"),
     [
-        ({}, "g1", "p", ["q", f"{LARGE}^40"], TooManyTermsError, "/relations/1"),
+        ({}, "g1", "p", ["q", f"{LARGE}^40"], FunctionTooLargeError, "/relations/1"),
         ({}, "g1", "p", ["1/(g1^2 + g2^2 + g3^2 - 1)"], UndefinedFunctionError, "/relations/0"),
         ({}, "1/(g1^2 + g2^2 + g3^2 - 1)", "p", [], UndefinedFunctionError, "/potential/expression"),
         ({"A": "B/(C - C)"}, "g1", "p", [], UndefinedFunctionError, "/body/A"),
@@ -223,7 +227,7 @@ def test_a_fault_of_a_part_is_told_at_that_part(moments, field, function, relati
 
 
 def test_a_relation_that_is_too_large_or_empty_is_refused_as_the_function_that_it_is():
-    for function, error in ((f"{LARGE}^40", TooManyTermsError), ("1", EmptyRelationsError)):
+    for function, error in ((f"{LARGE}^40", FunctionTooLargeError), ("1", EmptyRelationsError)):
         with pytest.raises(error) as refused:
             judge_relation(read_setting({}, "g1"), function)
         assert refused.value.pointer == "/function"

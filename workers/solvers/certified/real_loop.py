@@ -13,8 +13,8 @@ from service.dynamics.potentials.potential import VALUE
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.geometry.point import (
     BALLS,
-    Curve,
     CurvePlace,
+    LoopNumbers,
     gamma_of,
     make_equator,
     r_over_p,
@@ -50,7 +50,7 @@ class RealLoop:
         self._is_summed = alpha.denominator == 1 and (alpha <= MAX_WHOLE_ALPHA or side == 0)
         self._equator = make_equator(loop.Z, loop.G, ball(alpha))
         moments, first = (ball(loop.A), ball(loop.C)), loop.g1_sign * loop.G
-        self._curve = Curve(first, loop.Z, ball(alpha), ball(alpha) - 1, *moments, self._mirrored)
+        self._curve = LoopNumbers(first, loop.Z, ball(alpha), ball(alpha) - 1, *moments, self._mirrored)
         self._factor = self._equator.Z_squared * moments[0] / (2 * moments[1])
 
     def V(self, v: arb) -> arb:

@@ -25,7 +25,7 @@ from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.geometry.point import (
-    Curve,
+    LoopNumbers,
     bends_of,
     gamma_of,
     rates_of,
@@ -47,7 +47,7 @@ _UNKNOWN = acb(arb.nan())
 
 
 class ComplexPlace(NamedTuple):
-    """A ball of the loop, a :class:`.Place` of it; primed axes."""
+    """A ball of the loop, a :class:`.PlaceOnLoop` of it; primed axes."""
 
     sine: acb
     cosine: acb
@@ -78,7 +78,7 @@ class ComplexLoop:
     pole: int = 0
     angular: AngularSeries | None = None
     """The part beside the formula, of a potential that has an integral too."""
-    known: dict[int, Curve[acb]] = field(default_factory=dict, init=False, compare=False, repr=False)
+    known: dict[int, LoopNumbers[acb]] = field(default_factory=dict, init=False, compare=False, repr=False)
     """The numbers of the loop, by precision: every place needs them."""
     about: tuple[object, ...] = field(init=False, compare=False, repr=False)
     """The part of a key that tells the programs of a formula about a pole from those about another."""
@@ -196,14 +196,14 @@ class ComplexLoop:
         """Return log |sin v|."""
         return self.unit * at.root.log(True) if self.unit else (self.side * at.sine).log(True)
 
-    def numbers(self) -> Curve[acb]:
+    def numbers(self) -> LoopNumbers[acb]:
         """Return the numbers of the loop at the current precision."""
         found = self.known.get(ctx.prec)
         if found is None:
             loop = self.loop
             alpha, A, C = (acb(ball(number)) for number in (loop.alpha, loop.A, loop.C))
             first, Z = acb(loop.G * loop.g1_sign), acb(loop.Z)
-            found = self.known[ctx.prec] = Curve(first, Z, alpha, alpha - 1, A, C, loop.mirrored)
+            found = self.known[ctx.prec] = LoopNumbers(first, Z, alpha, alpha - 1, A, C, loop.mirrored)
         return found
 
     @property

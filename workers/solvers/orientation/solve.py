@@ -258,7 +258,7 @@ def _carried(
         found = errors_on_the_way(equations, run, at_zero, left_out, axes)
         shown = DIFFERENCE_FACTOR * float(np.max(found.by_residual) + np.max(found.deviations))
         turned = DIFFERENCE_FACTOR * (found.turned_by_residual + found.turned_deviations)
-        turned *= max(1.0, dense.error / shown)
+        turned *= largest([1.0, dense.error / shown])
         # Half the length of φ is the quaternion's.
         half = 0.5 * np.linalg.norm(turned[:, :TURN], axis=1).max()
         bounds = np.maximum(bounds, [half, *turned[:, TURN:].max(axis=0)])

@@ -23,7 +23,7 @@ from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.geometry.point import Curve, speed_factor
+from service.dynamics.reduction.geometry.point import LoopNumbers, speed_factor
 from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace
 from workers.solvers.complex_plane.passage import drops_matter
 from workers.solvers.complex_plane.questions import PlaneQuestion, Values
@@ -101,7 +101,7 @@ class ComplexRadicand:
         size, alpha = abs(sine).upper(), ball(loop.alpha)
         power, first, square = (arb(0).union(size**exponent) for exponent in (alpha - 1, alpha, 2 * alpha))
         c_squared = Z * Z + G * G * (1 - square) / (cosine * cosine)
-        curve = Curve(loop.g1_sign * G, Z, alpha, alpha - 1, A, C, loop.mirrored)
+        curve = LoopNumbers(loop.g1_sign * G, Z, alpha, alpha - 1, A, C, loop.mirrored)
         g1, g2, g3 = curve.first * first, c_squared.sqrt() * cosine, Z * sine
         gamma = (g3, g2, g1) if loop.mirrored else (g1, g2, g3)
         N = self.both.h - self.both.tape.evaluate(_WhereDefined(), gamma)

@@ -23,8 +23,8 @@ from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets, Jet, SecondOrderJets
 from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.geometry.point import (
-    Curve,
     CurvePlace,
+    LoopNumbers,
     bends_of,
     gamma_of,
     rates_of,
@@ -99,7 +99,7 @@ class FamilyCurve:
         self._log = -log / self.alpha if family.mirrored else log
         self.Z, self.G, *self._slopes = self._equator(self._log)
         first, beyond = family.g1_sign * self.G, self.alpha - 1
-        self._curve = Curve(first, self.Z, self.alpha, beyond, self.A, self.C, family.mirrored)
+        self._curve = LoopNumbers(first, self.Z, self.alpha, beyond, self.A, self.C, family.mirrored)
         self.parameters = tuple(self.numbers[k] for k in family.extra)
 
     def _number(self, slot: Slot) -> acb:

@@ -23,19 +23,19 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.formula.algebra import Arithmetic, Ring
+from service.dynamics.formula.algebra import Arithmetic, RingElement
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T", arb, FloatArray)
-R = TypeVar("R", bound=Ring)
-R_co = TypeVar("R_co", bound=Ring, covariant=True)
+R = TypeVar("R", bound=RingElement)
+R_co = TypeVar("R_co", bound=RingElement, covariant=True)
 N = TypeVar("N", bound=Arithmetic)
 
 FAR = 0.75
 """The largest u from which log s is taken: for larger ones 1 − u loses digits, and s has them."""
 
 
-class Curve(NamedTuple, Generic[R]):
+class LoopNumbers(NamedTuple, Generic[R]):
     """The numbers of a loop."""
 
     first: R
@@ -49,7 +49,7 @@ class Curve(NamedTuple, Generic[R]):
     mirrored: bool
 
 
-class Place(Protocol[R_co]):
+class PlaceOnLoop(Protocol[R_co]):
     """A place of a loop."""
 
     @property
@@ -74,7 +74,7 @@ class Place(Protocol[R_co]):
 
 
 class CurvePlace(NamedTuple, Generic[R]):
-    """A :class:`Place` and nothing else."""
+    """A :class:`PlaceOnLoop` and nothing else."""
 
     sine: R
     cosine: R
@@ -83,32 +83,32 @@ class CurvePlace(NamedTuple, Generic[R]):
     c: R
 
 
-def gamma_of(curve: Curve[R], at: Place[R]) -> tuple[R, R, R]:
+def gamma_of(curve: LoopNumbers[R], at: PlaceOnLoop[R]) -> tuple[R, R, R]:
     """Return g1, g2 and g3 in the client's axes."""
     return _in_order(curve, curve.first * at.power * at.sine * at.turn, at.c * at.cosine, curve.Z * at.sine)
 
 
-def _in_order(curve: Curve[R], first: R, second: R, third: R) -> tuple[R, R, R]:
+def _in_order(curve: LoopNumbers[R], first: R, second: R, third: R) -> tuple[R, R, R]:
     return (third, second, first) if curve.mirrored else (first, second, third)
 
 
-def steepness_at(curve: Curve[N], power: N) -> N:
+def steepness_at(curve: LoopNumbers[N], power: N) -> N:
     """Return E."""
     ratio = curve.first * power / curve.Z
     return curve.C + curve.A * ratio * ratio
 
 
-def speed_factor(curve: Curve[N], power: N) -> N:
+def speed_factor(curve: LoopNumbers[N], power: N) -> N:
     """Return W, the quotient of P and h − V."""
     return (curve.C + curve.C) / (curve.A * steepness_at(curve, power))
 
 
-def r_over_p(curve: Curve[N], at: Place[N]) -> N:
+def r_over_p(curve: LoopNumbers[N], at: PlaceOnLoop[N]) -> N:
     """Return r/p in primed axes."""
     return -curve.alpha * curve.first / curve.Z * at.power * at.turn
 
 
-def rates_of(curve: Curve[N], at: Place[N]) -> tuple[N, N, N]:
+def rates_of(curve: LoopNumbers[N], at: PlaceOnLoop[N]) -> tuple[N, N, N]:
     """Return the derivatives of g1, g2 and g3 by v, in the client's axes."""
     first = curve.alpha * curve.first * at.power * at.turn * at.cosine
     square = curve.first * at.power
@@ -117,7 +117,7 @@ def rates_of(curve: Curve[N], at: Place[N]) -> tuple[N, N, N]:
     return _in_order(curve, first, second, curve.Z * at.cosine)
 
 
-def bends_of(curve: Curve[N], at: Place[N], below: N, mean: N) -> tuple[N, N, N]:
+def bends_of(curve: LoopNumbers[N], at: PlaceOnLoop[N], below: N, mean: N) -> tuple[N, N, N]:
     """Return the second derivatives of g1, g2 and g3 by v, in the client's axes.
 
     ``below`` is power / sin v, and ``mean`` that of (1 − tu)^(α−2) over 0 ≤ t ≤ 1 with the weight 2t.

@@ -10,8 +10,8 @@ from service.dynamics.reduction.geometry.point import (
     BALLS,
     RANGES,
     REALS,
-    Curve,
     CurvePlace,
+    LoopNumbers,
     bends_of,
     gamma_of,
     make_equator,
@@ -106,7 +106,7 @@ def test_derivatives_and_speeds_are_those_of_the_place(v, numbers, mirrored):
     alpha, sign = numbers
     with ctx.workprec(400):
         C, v = arb("0.7"), arb(v)
-        curve = Curve(arb(sign * G), arb(Z), arb(alpha), arb(alpha - 1), alpha * C, C, mirrored)
+        curve = LoopNumbers(arb(sign * G), arb(Z), arb(alpha), arb(alpha - 1), alpha * C, C, mirrored)
         at, h = curve_place(curve, v), arb(2) ** -80
         below, middle, above = (gamma_of(curve, curve_place(curve, v + k * h)) for k in (-1, 0, 1))
         u = at.cosine**2

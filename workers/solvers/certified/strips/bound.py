@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
 from service.dynamics.reduction.geometry.point import (
-    Curve,
     CurvePlace,
+    LoopNumbers,
     gamma_of,
 )
 from workers.solvers.certified.phase import LibrationPhase, RotationPhase
@@ -77,7 +77,7 @@ class _Curve:
         alpha = ball(loop.alpha)
         balls = loop.g1_sign * loop.G, loop.Z, alpha, alpha - 1, ball(loop.A), ball(loop.C)
         first, Z, *others = map(strip.ball, balls)
-        self._numbers = Curve(first, Z, others[0], others[1], others[2], others[3], loop.mirrored)
+        self._numbers = LoopNumbers(first, Z, others[0], others[1], others[2], others[3], loop.mirrored)
         m, n = loop.alpha.as_integer_ratio()
         size = sine if curve.side >= 0 else strip.negate(sine)
         root = strip.power(size, Fraction(1, n)) if max(m, n) <= LARGEST_TERMS else strip.unknown
