@@ -14,6 +14,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
+from workers.solvers.compiled.evaluation.curve import size_and_c
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Loop, Records
 from workers.solvers.compiled.solve_set import equator_of
@@ -41,13 +42,11 @@ def _on_panel(loop: Loop, left: float, right: float) -> tuple[float, float]:
     for k in range(len(NODES)):
         v = middle + half * NODES[k]
         sine, cosine = math.sin(v), math.cos(v)
-        square = cosine * cosine
-        log_sine = 0.5 * math.log1p(-square) if square < 0.75 else math.log(sine)
-        c = math.sqrt(z * z - size * size * math.expm1(2.0 * alpha * log_sine) / square)
-        g1, g2, g3 = size * math.exp(alpha * log_sine), c * cosine, z * sine
+        g1, c = size_and_c(alpha, z, size, sine, cosine)
+        g2, g3 = c * cosine, z * sine
         value = WEIGHTS[k] * half * (alpha * z * g1 / (c * (g2 * g2 + g3 * g3)))
         total += value
-        error += value * (ROUNDINGS + of_lambda + 2.0 * alpha * abs(log_sine))
+        error += value * (ROUNDINGS + of_lambda + 2.0 * alpha * abs(math.log(sine)))
     return total, UNIT * error
 
 

@@ -30,7 +30,7 @@ class Instructions(NamedTuple):
 
 
 class Discs(NamedTuple):
-    """Rows of discs, shapes (rows, LANES) and (rows,): see :mod:`compiled.discs.arithmetic`."""
+    """Rows of discs, shapes (rows, LANES) and (rows,): see :mod:`compiled.discs.rows`."""
 
     centres: FloatArray
     radii: FloatArray

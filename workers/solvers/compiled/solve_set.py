@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.discs.arithmetic import new_discs
+from workers.solvers.compiled.discs.rows import new_discs
 from workers.solvers.compiled.doubled.time_map import map_time_doubled
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import inlined, kernel

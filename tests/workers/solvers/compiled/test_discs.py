@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from workers.solvers.compiled.discs.arithmetic import (
+from workers.solvers.compiled.discs.rows import (
     SCALE,
     add,
     collapse,

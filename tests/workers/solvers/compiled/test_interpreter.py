@@ -11,7 +11,8 @@ from flint import arb, ctx
 from tests.support.effort import each_once
 from tests.support.planar import body, formula
 from workers.solvers import compiled
-from workers.solvers.compiled.discs.arithmetic import new_discs, run_rows
+from workers.solvers.compiled.discs.arithmetic import run_discs
+from workers.solvers.compiled.discs.rows import new_discs, run_rows
 from workers.solvers.compiled.doubled.arithmetic import run_doubled
 from workers.solvers.compiled.doubled.curve import FINER
 from workers.solvers.compiled.evaluation.interpreter import (
@@ -24,7 +25,6 @@ from workers.solvers.compiled.evaluation.interpreter import (
 from workers.solvers.compiled.evaluation.low_degree import run_degrees
 from workers.solvers.compiled.evaluation.program import make_program, rests_of
 from workers.solvers.compiled.integrals.known import run_known
-from workers.solvers.compiled.residual.discs import run_discs
 from workers.solvers.compiled.solve_set import new_formula
 from workers.solvers.compiled.workspace import LANES
 

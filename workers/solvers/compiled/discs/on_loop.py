@@ -2,7 +2,8 @@
 
 import math
 
-from workers.solvers.compiled.discs.arithmetic import FUNCTIONS, SCALE, forget_powers, run_rows
+from workers.solvers.compiled.discs.arithmetic import FUNCTIONS
+from workers.solvers.compiled.discs.rows import SCALE, forget_powers, run_rows
 from workers.solvers.compiled.evaluation.interpreter import power
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop
@@ -38,6 +39,17 @@ def put_pole(discs: DiscWorkspace, lane: int, sine: float, hemisphere: float, ha
 
 
 @kernel
+def put_squares(loop: Loop, discs: DiscWorkspace, count: int) -> None:
+    """Fill in c² on the discs."""
+    first, third = loop.g * loop.g, loop.z * loop.z
+    for m in range(count):
+        s, sr, tr = discs.s_centre[m], discs.s_radius[m], discs.t_radius[m]
+        ratio, ratio_r = _equator_ratio(loop.alpha, s, sr, tr)
+        square = third + first * ratio
+        discs.square[m], discs.square_radius[m] = square, first * ratio_r + 4.0 * OWN * square
+
+
+@kernel
 def derivatives_on_discs(
     formula: Formula,
     loop: Loop,
@@ -47,16 +59,14 @@ def derivatives_on_discs(
     """Return the row of D on the discs, which is beside a power of s = |sin v|; fill in c²."""
     c, r, e = formula.discs
     alpha, size, z, sign = loop.alpha, loop.g, loop.z, loop.sign1
+    put_squares(loop, discs, count)
     first, second, third = (2, 1, 0) if loop.mirrored else (0, 1, 2)
     for m in range(count):
         s, sr, k, kr = discs.s_centre[m], discs.s_radius[m], discs.c_centre[m], discs.c_radius[m]
         c[SCALE, m], r[SCALE, m] = s, sr
         c[first, m], r[first, m] = sign * size, size * OWN
         c[third, m], r[third, m] = discs.sign[m] * z, z * OWN
-        ratio, ratio_r = _equator_ratio(alpha, s, sr, discs.t_radius[m])
-        square = z * z + size * size * ratio
-        square_r = size * size * ratio_r + 4.0 * OWN * square
-        discs.square[m], discs.square_radius[m] = square, square_r
+        square, square_r = discs.square[m], discs.square_radius[m]
         root = math.sqrt(square)
         # √ of a disc: the nearest point to 0 moves most.
         root_r = root - math.sqrt(square - square_r) + FUNCTIONS * root if square > square_r else math.nan

@@ -19,6 +19,18 @@ from workers.solvers.compiled.workspace import Moments, Places
 FloatArray = NDArray[np.float64]
 
 
+@inlined
+def size_and_c(alpha: float, z: float, size: float, sine: float, cosine: float) -> tuple[float, float]:
+    """Return |g1| and c at a place; see :mod:`service.dynamics.reduction.geometry.point`."""
+    square = cosine * cosine
+    log_sine = 0.5 * math.log1p(-square) if square < 0.75 else math.log(abs(sine))
+    if square > 1e-24:
+        c = math.sqrt(z * z - size * size * math.expm1(2.0 * alpha * log_sine) / square)
+    else:
+        c = math.sqrt(z * z + size * size * alpha)
+    return size * math.exp(alpha * log_sine), c
+
+
 @kernel
 def loop_points(loop: Loop, places: Places | Moments, count: int) -> None:
     """Fill in primed g1, g2, g3 and c at places whose sines and cosines are known."""
@@ -32,13 +44,8 @@ def loop_points(loop: Loop, places: Places | Moments, count: int) -> None:
         return
     for k in range(count):
         sine, cosine = places.sine[k], places.cosine[k]
-        square = cosine * cosine
-        log_sine = 0.5 * math.log1p(-square) if square < 0.75 else math.log(abs(sine))
-        if square > 1e-24:
-            c = math.sqrt(z * z - size * size * math.expm1(2.0 * alpha * log_sine) / square)
-        else:
-            c = math.sqrt(z * z + size * size * alpha)
-        places.g1[k], places.g2[k] = sign * (size * math.exp(alpha * log_sine)), c * cosine
+        first, c = size_and_c(alpha, z, size, sine, cosine)
+        places.g1[k], places.g2[k] = sign * first, c * cosine
         places.g3[k], places.c[k] = z * sine, c
 
 

@@ -20,6 +20,7 @@ from workers.solvers.compiled.evaluation.program import (
     COS,
     DIVIDE,
     EXP,
+    GENERAL_POWER,
     LOG,
     MULTIPLY,
     NEGATE,
@@ -37,6 +38,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 F = TypeVar("F", bound=Callable[..., object])
 
+COPY: Final = -1
 LARGEST_PRODUCT: Final = 64.0
 """Whole powers up to this one are products."""
 Run = Callable[[IntArray, FloatArray, FloatArray, R, int], None]
@@ -60,16 +62,14 @@ class RowArithmetic(NamedTuple, Generic[R]):
     """Kernels that fill a whole register from others, told by their numbers; these may be the same one."""
 
     number: Callable[[R, int, Constant, int], None]
-    copy: Callable[[R, int, int, int], None]
     add: Callable[[R, int, int, int, int], None]
     subtract: Callable[[R, int, int, int, int], None]
     multiply: Callable[[R, int, int, int, int], None]
     divide: Callable[[R, int, int, int, int], None]
-    negate: Callable[[R, int, int, int], None]
     power: Callable[[R, int, int, Constant, int], None]
     """Puts the power to a number that is not whole, or is large."""
-    call: Callable[[R, int, int, int, int], None]
-    """Puts a function of a register, numbered as in :mod:`.program`, the number after the register."""
+    apply: Callable[[R, int, int, int, int], None]
+    """Puts a register itself (COPY), its opposite, or a function of it, numbered as in :mod:`.program`."""
     inverts_first: bool = False
     """Whether 1/x^n is (1/x)^n, which is narrower where x is a disc, and rounded more often."""
 
@@ -88,12 +88,12 @@ class CompiledArithmetic(NamedTuple, Generic[T]):
     power: Callable[[T, T], T]
     call: Callable[[int, T], T]
     inverts_first: bool = False
-    """The last three are as in :class:`RowArithmetic`."""
+    """Powers and inverses are as in :class:`RowArithmetic`."""
 
 
 def interpreter(rows: RowArithmetic[R], module: str, name: str) -> Run[R]:
     """Return the loop over a program's operations in an arithmetic, which gets this name in a module."""
-    number, copy, add, subtract, multiply, divide, negate, power, call, inverts_first = rows
+    number, add, subtract, multiply, divide, power, apply, inverts_first = rows
 
     def run(code: IntArray, constants: FloatArray, lows: FloatArray, registers: R, count: int) -> None:
         free, one = 3 + code.shape[0], Constant(constants, lows, -1, 1)
@@ -107,8 +107,6 @@ def interpreter(rows: RowArithmetic[R], module: str, name: str) -> Run[R]:
                 subtract(registers, n, i, j, count)
             elif operation == DIVIDE:
                 divide(registers, n, i, j, count)
-            elif operation == NEGATE:
-                negate(registers, n, i, count)
             elif operation == CONSTANT:
                 number(registers, n, Constant(constants, lows, slot, j), count)
             elif operation == POWER:
@@ -120,12 +118,12 @@ def interpreter(rows: RowArithmetic[R], module: str, name: str) -> Run[R]:
                     if inverts_first and exponent < 0.0:
                         divide(registers, free, n, i, count)
                     else:
-                        copy(registers, free, i, count)
+                        apply(registers, free, i, COPY, count)
                     while left:
                         if left & 1 and is_begun:
                             multiply(registers, n, n, free, count)
                         elif left & 1:
-                            copy(registers, n, free, count)
+                            apply(registers, n, free, COPY, count)
                             is_begun = True
                         left >>= 1
                         if left:
@@ -135,12 +133,12 @@ def interpreter(rows: RowArithmetic[R], module: str, name: str) -> Run[R]:
                         divide(registers, n, free, n, count)
                 else:
                     power(registers, n, i, Constant(constants, lows, slot, j), count)
-            elif operation >= EXP:
-                call(registers, n, i, operation, count)
-            else:
-                call(registers, free, i, LOG, count)
+            elif operation == GENERAL_POWER:
+                apply(registers, free, i, LOG, count)
                 multiply(registers, free, j, free, count)
-                call(registers, n, free, EXP, count)
+                apply(registers, n, free, EXP, count)
+            else:
+                apply(registers, n, i, operation, count)
 
     return kernel(_named(run, module, name))
 
@@ -161,10 +159,6 @@ def interpreter_of(arithmetic: CompiledArithmetic[T], module: str, name: str) ->
         for m in range(count):
             put(registers, to, m, exact)
 
-    def put_copy(registers: FloatArray, to: int, i: int, count: int) -> None:
-        for m in range(count):
-            put(registers, to, m, get(registers, i, m))
-
     def put_sum(registers: FloatArray, to: int, i: int, j: int, count: int) -> None:
         for m in range(count):
             put(registers, to, m, add(get(registers, i, m), get(registers, j, m)))
@@ -181,30 +175,31 @@ def interpreter_of(arithmetic: CompiledArithmetic[T], module: str, name: str) ->
         for m in range(count):
             put(registers, to, m, divide(get(registers, i, m), get(registers, j, m)))
 
-    def put_opposite(registers: FloatArray, to: int, i: int, count: int) -> None:
-        for m in range(count):
-            put(registers, to, m, negate(get(registers, i, m)))
-
     def put_power(registers: FloatArray, to: int, i: int, constant: Constant, count: int) -> None:
         exponent = number(constant)
         for m in range(count):
             put(registers, to, m, power(get(registers, i, m), exponent))
 
     def put_function(registers: FloatArray, to: int, i: int, operation: int, count: int) -> None:
-        for m in range(count):
-            put(registers, to, m, call(operation, get(registers, i, m)))
+        if operation == COPY:
+            for m in range(count):
+                put(registers, to, m, get(registers, i, m))
+        elif operation == NEGATE:
+            for m in range(count):
+                put(registers, to, m, negate(get(registers, i, m)))
+        else:
+            for m in range(count):
+                put(registers, to, m, call(operation, get(registers, i, m)))
 
     def inside(function: F) -> F:
         return inlined(_named(function, module, f"{name}_{function.__name__}"))
 
     rows = RowArithmetic(
         inside(put_number),
-        inside(put_copy),
         inside(put_sum),
         inside(put_difference),
         inside(put_product),
         inside(put_quotient),
-        inside(put_opposite),
         inside(put_power),
         inside(put_function),
         inverts_first,

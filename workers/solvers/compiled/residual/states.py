@@ -3,11 +3,19 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from workers.solvers.compiled.discs.arithmetic import (
+    ARITHMETIC,
+    Disc,
+    exactly,
+    minus,
+    plus,
+    run_discs,
+    times,
+)
 from workers.solvers.compiled.evaluation.interpreter import run_double
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import LANES, Lanes, place_of, put, spread, take
 from workers.solvers.compiled.records import Equations
-from workers.solvers.compiled.residual.discs import ARITHMETIC, Disc, exactly, minus, plus, run_discs, times
 
 FloatArray = NDArray[np.float64]
 

@@ -18,8 +18,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.discs.arithmetic import SAME_POWER
-from workers.solvers.compiled.discs.on_loop import derivatives_on_discs, put_disc
+from workers.solvers.compiled.discs.on_loop import derivatives_on_discs, put_disc, put_squares
+from workers.solvers.compiled.discs.rows import SAME_POWER
 from workers.solvers.compiled.evaluation.curve import place
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Formula, Loop
@@ -150,11 +150,7 @@ def bound_left_out(
     row = 0
     leading = 0.0
     if by_roots:
-        for m in range(lanes):
-            size = loop.g
-            s, z = discs.s_centre[m], loop.z
-            discs.square[m] = z * z + size * size * (1.0 + s * s)
-            discs.square_radius[m] = size * size * discs.t_radius[m]
+        put_squares(loop, discs, lanes)
     else:
         row = derivatives_on_discs(formula, loop, discs, lanes)
         leading = formula.discs.powers[row] + 1.0 - loop.alpha

@@ -12,8 +12,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.discs.arithmetic import SAME_POWER
 from workers.solvers.compiled.discs.on_loop import derivatives_on_discs, put_disc, put_pole
+from workers.solvers.compiled.discs.rows import SAME_POWER
 from workers.solvers.compiled.evaluation.curve import radicands
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop
