@@ -14,10 +14,11 @@ from functools import partial
 from itertools import pairwise
 from math import inf, nan
 
-from flint import arb
+from flint import arb, ctx
 
 from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.parts import AtlasPart, LambdaRange
+from service.dynamics.discovery.potential_search import ratios_that_admit
 from service.dynamics.errors import DynamicsError
 from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
@@ -27,6 +28,7 @@ from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.formula.tree import VARIABLES, Binary, Symbol, Tree
 from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.recognition.evenness import is_even_in_g2
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.windows import find_windows
 from service.dynamics.solution.ball_columns import as_decimals, exact_middle
@@ -41,10 +43,13 @@ from service.verdicts.studies import QUESTIONS, examine_study_of_job
 from workers.computation.compiled_code import way_for
 from workers.computation.compute import solve_document
 from workers.solvers.searches.family import ProblemFamily, Slot
-from workers.solvers.searches.search import Box, FamilySearch, FoundNumbers, Target, search
+from workers.solvers.searches.search import BITS, FamilySearch, FoundNumbers, SearchResult, Target, search
+from workers.solvers.searches.structure import Box, stretches
 
 PROCESSOR_SECONDS, SECONDS = 60.0, 120.0
 """After either limit what is not settled is undecided."""
+STRUCTURE_SHARE = 0.3
+"""Share of them in which boxes are looked for on which windows stay."""
 SAMPLES = 65
 """Places at which what has no bounds is looked at, along one unknown."""
 MOST_STEPS = 40
@@ -87,20 +92,36 @@ def _numbers(document: Part) -> Document:
     if family is None or len(wanted) < len(asked.wanted):
         return _answer(asked, _seen_solutions(asked, is_late), [whole], "possible")
     wanted.sort(key=lambda each: each.of == "period")
-    question = FamilySearch(family, asked.problem_at, wanted, is_late)
-    if not _is_admissible(asked, problem, verdict):
+    coefficients = _coefficients(asked, problem, verdict)
+    has_known_form = coefficients is not None and "A" not in _names(asked).values()
+    is_even = has_known_form and all(map(is_even_in_g2, coefficients or ()))
+    question = FamilySearch(family, asked.problem_at, wanted, is_late, is_even=is_even)
+    if coefficients is None:
         return _answer(asked, search(question, whole).solutions, [whole], "possible")
-    if [each.path for each in asked.unknowns] != [_LAMBDA]:
-        return _answer(asked, search(question, whole).solutions, [whole], "proved")
+    is_along_lambda = [each.path for each in asked.unknowns] == [_LAMBDA]
+    parts = _parts(problem, whole[0], is_late) if is_along_lambda else _stretches(question, whole)
     solutions, undecided = list[FoundNumbers](), list[Box]()
-    for part, windows in _parts(problem, whole[0], is_late):
-        if windows is None:
-            undecided.append(part)
-        elif windows:
+    for part, windows in parts:
+        found = SearchResult((), (part,))
+        if windows is not None or not is_along_lambda:
             found = search(replace(question, windows=windows), part)
-            solutions += found.solutions
-            undecided += found.undecided
+        undecided += [part] if windows is None else found.undecided
+        solutions += [each for each in found.solutions if not any(map(each.is_same, solutions))]
     return _answer(asked, solutions, undecided, "proved")
+
+
+def _stretches(question: FamilySearch, whole: Box) -> list[tuple[Box, int | None]]:
+    """Return boxes with the number of their windows, those last for which it is not proved."""
+    is_late = deadline(PROCESSOR_SECONDS * STRUCTURE_SHARE, SECONDS * STRUCTURE_SHARE)
+    with ctx.workprec(BITS):
+        kept, rest = stretches(question.family, whole, is_late)
+    counts: list[tuple[Box, int | None]] = [(box, None) for box in rest]
+    for box in kept:
+        try:
+            counts.insert(0, (box, len(question.arcs_at([(low + high) / 2 for low, high in box]))))
+        except DynamicsError:
+            counts.append((box, None))
+    return counts
 
 
 def _number(tree: Tree) -> arb:
@@ -218,25 +239,36 @@ def exact_of(value: object) -> Fraction:
     return exact_number(value)
 
 
-def _is_admissible(asked: Search, problem: Problem, verdict: Verdict) -> bool:
-    """Tell whether it is proved that the potential admits planar motions for all numbers of the box.
+def _coefficients(asked: Search, problem: Problem, verdict: Verdict) -> Sequence[Potential] | None:
+    """Return the potentials whose sums, with factors, are those of the box, if all are proved admissible.
 
     ``verdict`` is that of the problem in the middle of it.
     """
-    if any(each.path[0] == "body" and each.path[1] != "B" for each in asked.unknowns):
-        return False
-    names = [name for name in _names(asked).values() if name != "B"]
-    tree = _tree_of(asked, problem)
-    if tree is None:
-        return False
+    tree, names = _tree_of(asked, problem), [name for name in _names(asked).values() if name != "B"]
+    if tree is None or "C" in names:
+        return None
     if not names:
-        return verdict.verdict == "admissible"
+        return [problem.potential] if verdict.verdict == "admissible" else None
+    if "A" in names:
+        return [problem.potential] if names == ["A"] and _admits_every_ratio(asked.base) else None
     # The equation is linear in V: it holds for all numbers if it does for each coefficient.
     parts = coefficients_of(tree, names)
-    return parts is not None and all(
-        decide(problem.body, Potential.from_tree(part, "expression")).verdict == "admissible"
-        for part in parts.values()
+    found = [Potential.from_tree(part, "expression") for part in (parts or {}).values()]
+    is_admissible = parts is not None and all(
+        decide(problem.body, part).verdict == "admissible" for part in found
     )
+    return found if is_admissible else None
+
+
+def _admits_every_ratio(base: Part) -> bool:
+    """Tell whether a potential, a formula with moments in it, is admissible for every A."""
+    body, potential = base["body"], base["potential"]
+    B = None if body.get("B") is None else exact_of(body["B"])
+    parameters = {name: exact_of(value) for name, value in (potential.get("parameters") or {}).items()}
+    try:
+        return ratios_that_admit(potential["expression"], parameters, B=B, C=exact_of(body["C"])).all
+    except DynamicsError:
+        return False
 
 
 def _seen_solutions(asked: Search, is_late: Callable[[], bool]) -> list[FoundNumbers]:

@@ -12,9 +12,11 @@ from pydantic import AfterValidator, BaseModel, Field, PlainValidator, WithJsonS
 
 from service.dynamics.errors import DynamicsError, InvalidNumberError
 from service.dynamics.exact import exact_number
+from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
+from service.dynamics.formula.tape import compile_tape
 from service.dynamics.formula.tree import Tree
 from service.dynamics.problem import PlanarMotion, Problem
 from service.schemas.atlas.reading import LARGEST, SMALLEST
@@ -59,9 +61,11 @@ def _read_equals(value: object) -> str:
     except InvalidNumberError:
         text = str(value)
     try:
-        constant_tree(text)
+        tape = compile_tape(constant_tree(text), ())
     except FormulaError as error:
         raise refuse(error.code, error.message) from error
+    if not tape.evaluate(BallAlgebra(), ()).is_finite():
+        raise refuse("out_of_range", "a formula with a finite value is expected")
     return text
 
 

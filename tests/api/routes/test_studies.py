@@ -218,9 +218,12 @@ def test_every_fault_has_its_pointer(client):
     assert faults(client, unknowns=[of_time]) == {"/unknowns/0/pointer": "unknown_pointer"}
     assert faults(client, wanted=[{"of": "mass", "equals": 1}]) == {"/wanted/0/of": "invalid_value"}
     assert faults(client, wanted=[{"of": "period", "equals": "2*g1"}]) == {"/wanted/0/equals": "formula"}
+    endless = [{"of": "period", "equals": "exp(exp(exp(10)))"}]
+    assert faults(client, wanted=endless) == {"/wanted/0/equals": "out_of_range"}
     assert faults(client, base={**BASE, "body": {"A": 2, "C": 2}}) == {"/base/body": "equal_moments"}
     negative = {**unknown, "interval": [-1, 2]}
     assert faults(client, unknowns=[negative]) == {"/unknowns/0/interval/0": "out_of_range"}
-    endless = {**unknown, "interval": [1, 1e300]}
-    assert faults(client, unknowns=[endless]) == {"/unknowns/0/interval/1": "out_of_range"}
+    assert faults(client, unknowns=[{**unknown, "interval": [1, 1e300]}]) == {
+        "/unknowns/0/interval/1": "out_of_range"
+    }
     assert faults(client, wanted=[{"of": "trace", "equals": 2}]) == {"/base/body/B": "missing_moment"}

@@ -88,11 +88,11 @@ class FamilyCurve:
         one, three = (family.C, family.A) if family.mirrored else (family.A, family.C)
         self.A, self.C = self._number(one), self._number(three)
         self.alpha = self.A / self.C
-        self._exact = None
+        self.exact_alpha = exact = None
         if isinstance(one, Fraction) and isinstance(three, Fraction):
-            self._exact = one / three
-        is_whole = self._exact is not None and self._exact.denominator == 1 and self._exact <= MAX_WHOLE_ALPHA
-        self._whole = int(self._exact or 0) if is_whole else 0
+            self.exact_alpha = exact = one / three
+        is_whole = exact is not None and exact.denominator == 1 and exact <= MAX_WHOLE_ALPHA
+        self._whole = int(exact or 0) if is_whole else 0
         if side == 0 and (not self._whole or self._whole % 2):
             raise PrecisionNeededError("a way through a pole")
         log = self._number(family.size).log(True) / (2 if family.is_square else 1)
@@ -100,7 +100,7 @@ class FamilyCurve:
         self.Z, self.G, *self._slopes = self._equator(self._log)
         first, beyond = family.g1_sign * self.G, self.alpha - 1
         self._curve = Curve(first, self.Z, self.alpha, beyond, self.A, self.C, family.mirrored)
-        self._inputs = tuple(self.numbers[k] for k in family.extra)
+        self.parameters = tuple(self.numbers[k] for k in family.extra)
 
     def _number(self, slot: Slot) -> acb:
         return self.numbers[slot] if isinstance(slot, int) else _ALGEBRA.constant(slot)
@@ -161,7 +161,7 @@ class FamilyCurve:
         at = middle.place(self._quiet)
         g1, g2, g3 = gamma_of(middle._curve, at)
         seeds = [_JETS.seed(g1, (-g3,)), _JETS.seed(g2, (None,)), _JETS.seed(g3, (g1,))]
-        beside = [_JETS.seed(value, (None,)) for value in middle._inputs]
+        beside = [_JETS.seed(value, (None,)) for value in middle.parameters]
         V = self.family.tape.evaluate(_JETS, (*seeds, *beside))
         A, C = (middle.C, middle.A) if self.family.mirrored else (middle.A, middle.C)
         (D,) = _JETS.gradient(V)
@@ -171,7 +171,7 @@ class FamilyCurve:
     def N(self, v: acb, at: CurvePlace[acb] | None = None) -> acb:
         """Return h − V; about the middle of the numbers, if these are wide."""
         at = self.place(v) if at is None else at
-        plain = self.h - self.family.tape.evaluate(_ALGEBRA, (*gamma_of(self._curve, at), *self._inputs))
+        plain = self.h - self.family.tape.evaluate(_ALGEBRA, (*gamma_of(self._curve, at), *self.parameters))
         if self._middle is None:
             return plain
         jets, beside = self._jets, [self._numbers[k] for k in self.family.extra]
@@ -265,7 +265,7 @@ class FamilyCurve:
         return speed_factor(self._curve, at.power)
 
     def _beside(self, jets: FirstOrderJets[acb]) -> list[Jet[acb]]:
-        return [jets.seed(value, (None,)) for value in self._inputs]
+        return [jets.seed(value, (None,)) for value in self.parameters]
 
     def slope(self, v: acb) -> acb:
         """Return dN/dv."""

@@ -35,6 +35,7 @@ from workers.solvers.searches.model import (
     period_model,
     precession_model,
 )
+from workers.solvers.searches.structure import Box, halves, joined
 
 Of = Literal["period", "energy", "precession.psi1", "precession.psi3"]
 
@@ -49,9 +50,6 @@ NARROWEST = Fraction(1, 2**34)
 DEEPEST = 1024
 """Leaves of a box are at least this part of it."""
 POLISHES = 6
-
-Box = tuple[tuple[Fraction, Fraction], ...]
-"""The two ends of each unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +67,11 @@ class FoundNumbers:
 
     values: tuple[arb, ...]
     window: int
+
+    def is_same(self, other: "FoundNumbers") -> bool:
+        """Whether both enclose one solution: that of boxes side by side."""
+        pairs = zip(self.values, other.values, strict=True)
+        return self.window == other.window and all(x.overlaps(y) for x, y in pairs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +92,29 @@ class FamilySearch:
     is_late: Callable[[], bool]
     windows: int | None = None
     """The number of windows on the whole box, where that is proved."""
+    is_even: bool = True
+    """V is even in g2 for all numbers, or for none that are met: mirror images are one window."""
 
     @property
     def needs_period(self) -> bool:
         """A motion without a period is no solution."""
         return any(each.of != "energy" for each in self.conditions)
+
+    def arcs_at(self, at: Numbers) -> list[tuple[ReducedWindow, Arc]]:
+        """Return the windows at a point, each with one of its arcs, or with all, if mirror images may differ.
+
+        Raises
+        ------
+        DynamicsError
+            They are not settled.
+        """
+        problem = self.problem_at(at)
+        assert isinstance(problem.motion, PlanarMotion)
+        try:
+            found = find_windows(problem.body, problem.potential, problem.motion)
+        except NoMotionError:
+            found = ()
+        return [(each, arc) for each in found for arc in (each.arcs[:1] if self.is_even else each.arcs)]
 
 
 def search(question: FamilySearch, whole: Box) -> SearchResult:
@@ -118,9 +139,9 @@ class _Search:
                 if self._is_narrow(box):
                     self._undecided.append(box)
                 else:
-                    waiting += _halves(box, self._whole)
+                    waiting += halves(box, self._whole)
         ordered = sorted(self._solutions, key=lambda each: float(each.values[0].mid()))
-        return SearchResult(tuple(ordered), tuple(_joined(self._undecided)))
+        return SearchResult(tuple(ordered), tuple(joined(self._undecided)))
 
     def _is_narrow(self, box: Box) -> bool:
         return all(
@@ -143,16 +164,10 @@ class _Search:
 
     def _windows(self, at: Numbers) -> list[tuple[FamilyWindow, Arc]]:
         """Return the windows at a point that can be solutions, each with an arc."""
-        problem = self._question.problem_at(at)
-        assert isinstance(problem.motion, PlanarMotion)
-        try:
-            found = find_windows(problem.body, problem.potential, problem.motion)
-        except NoMotionError:
-            found = ()
-        if self._question.windows not in (None, len(found)):
+        question, seen = self._question, self._question.arcs_at(at)
+        if question.windows not in (None, len(seen)):
             raise PrecisionNeededError("the windows of a part")
-        needs_period = self._question.needs_period
-        return [_seen(each) for each in found if each.kind == "periodic" or not needs_period]
+        return [_seen(*pair) for pair in seen if pair[0].kind == "periodic" or not question.needs_period]
 
     def _models(
         self, window: FamilyWindow, arc: Arc, centre: Numbers, radii: Numbers
@@ -217,7 +232,7 @@ class _Search:
                 if not self._has_solved(window, models, slopes, middle, half):
                     if all(high - low < s for (low, high), s in zip(leaf, smallest, strict=True)):
                         raise PrecisionNeededError("a bound of derivatives")
-                    waiting += _halves(leaf, self._whole)
+                    waiting += halves(leaf, self._whole)
 
     def _has_solved(
         self,
@@ -268,17 +283,12 @@ class _Search:
             x.overlaps(ball(low).union(ball(high)))
             for x, (low, high) in zip(values, self._whole, strict=True)
         )
-        known = any(
-            each.window == window.index
-            and all(x.overlaps(y) for x, y in zip(each.values, values, strict=True))
-            for each in self._solutions
-        )
-        if inside and not known:
-            self._solutions.append(FoundNumbers(values, window.index))
+        found = FoundNumbers(values, window.index)
+        if inside and not any(map(found.is_same, self._solutions)):
+            self._solutions.append(found)
 
 
-def _seen(window: ReducedWindow) -> tuple[FamilyWindow, Arc]:
-    arc = window.arcs[0]
+def _seen(window: ReducedWindow, arc: Arc) -> tuple[FamilyWindow, Arc]:
     if arc.is_whole_loop:
         return FamilyWindow(0, None, window.index), arc
     side = 0 if passes_pole(arc) else 1 if ((arc.lower + arc.upper) / 2).sin() > 0 else -1
@@ -298,23 +308,3 @@ def _solved(matrix: Sequence[Sequence[arb]], right: Sequence[arb]) -> list[arb] 
         determinant = a * d - b * c
         found = [(d * right[0] - b * right[1]) / determinant, (a * right[1] - c * right[0]) / determinant]
     return found if all(x.is_finite() for x in found) else None
-
-
-def _halves(box: Box, whole: Box) -> list[Box]:
-    """Cut a box across its longest side, of the shares of the whole."""
-    shares = [(high - low) / (top - bottom) for (low, high), (bottom, top) in zip(box, whole, strict=True)]
-    k = shares.index(max(shares))
-    low, high = box[k]
-    middle = (low + high) / 2
-    return [(*box[:k], ends, *box[k + 1 :]) for ends in ((middle, high), (low, middle))]
-
-
-def _joined(boxes: Sequence[Box]) -> list[Box]:
-    """Join intervals that touch; boxes of two unknowns stay as they are."""
-    found: list[Box] = []
-    for box in sorted(set(boxes)):
-        if found and len(box) == 1 and box[0][0] <= found[-1][0][1]:
-            found[-1] = ((found[-1][0][0], max(found[-1][0][1], box[0][1])),)
-        else:
-            found.append(box)
-    return found

@@ -11,6 +11,7 @@ from service.storage.codecs.packing import decode_document
 from workers.computation.studies import family_of, study_document
 from workers.solvers.certified.certify import certify
 from workers.solvers.searches.search import FamilySearch, Target, _Search
+from workers.solvers.searches.structure import stretches
 
 HEAVY = {"type": "expression", "expression": "a*g1", "parameters": {"a": -1}}
 ROUND = {"body": {"A": 2, "C": 1}, "potential": HEAVY, "motion": {"type": "planar", "lambda": 1}}
@@ -46,8 +47,7 @@ def test_a_parameter_with_a_given_period_is_enclosed():
     # T is a multiple of (−a)^(−1/2): 33 digits of T are as many of a.
     answer = found(ROUND, {"/potential/parameters/a": ("-21/20", "-19/20")}, {"period": PERIOD})
     only_one(answer, a=(-1, Fraction(1, 10**32)))
-    # That no other window appears is proved along λ only.
-    assert answer["rest"] == "undecided"
+    assert (answer["rest"], answer["undecided"]) == ("proved_empty", [])
 
 
 def test_lambda_with_a_given_period_is_enclosed_and_the_rest_is_empty():
@@ -64,6 +64,7 @@ def test_two_unknowns_with_a_given_period_and_energy_are_enclosed():
     # h = −a λ²/2 (theory 2.4).
     answer = found(ROUND, unknowns, {"period": PERIOD, "energy": "1/2"})
     only_one(answer, **{"lambda": (1, Fraction(1, 10**31)), "a": (-1, Fraction(1, 10**31))})
+    assert answer["rest"] == "proved_empty"
 
 
 def test_a_precession_that_is_wanted_is_that_of_a_solution():
@@ -72,6 +73,47 @@ def test_a_precession_that_is_wanted_is_that_of_a_solution():
     answer = found(ROUND, {"/motion/lambda": ("99/100", "101/100")}, wanted)
     only_one(answer, **{"lambda": (1, Fraction(1, 10**28))})
     assert answer["rest"] == "proved_empty"
+
+
+@pytest.mark.long  # a box in A is cut often: half a minute
+def test_a_moment_with_a_given_period_is_enclosed_where_the_formula_is_admissible_for_all():
+    base = {
+        "body": {"A": 3, "C": 1},
+        "potential": {"type": "expression", "expression": "(A*g1^2 + C*g3^2)*(g2^2 - 1/2 + g2^3/5)"},
+        "motion": {"type": "planar", "lambda": "4/5"},
+    }
+    # T for A = 3 to 35 digits (theory 11, G10).
+    wanted = {"period": "6.55593813374157484500337478933646021"}
+    only_one(found(base, {"/body/A": ("299/100", "301/100")}, wanted), A=(3, Fraction(1, 10**30)))
+
+
+SHRINKING = {
+    **ROUND,
+    "potential": {
+        "type": "expression",
+        "expression": "-g1 + 1/(20*g3^2) + c*(g1^2 - g2^2)",
+        "parameters": {"c": 1},
+    },
+}
+
+
+def test_boxes_on_which_windows_stay_end_where_a_window_shrinks_to_an_equilibrium():
+    # With A = 2C, a1 = -1, b1 = 1/20 and ν = 1 there is a window up to c1 = a1² / (16 b1) = 5/4 (theory, S3).
+    unknown = {"pointer": "/potential/parameters/c", "interval": [1, "3/2"]}
+    asked = read_search({"base": SHRINKING, "unknowns": [unknown], "wanted": [{"of": "energy", "equals": 0}]})
+    question = FamilySearch(
+        family_of(asked, asked.problem_at([Fraction(1)])), asked.problem_at, [Target("energy", arb)], bool
+    )
+    with ctx.workprec(96):
+        kept, rest = stretches(question.family, ((Fraction(1), Fraction(3, 2)),), bool)
+    (((lower, upper),),) = rest
+    assert lower < Fraction(5, 4) < upper
+    # The box is halved 18 times; next to the change a few halves are not settled.
+    assert upper - lower < Fraction(1, 10**4)
+    assert [(box[0][0], box[0][1]) for box in kept] == [(1, lower), (upper, Fraction(3, 2))]
+    for ((low, high),), count in zip(kept, (1, 0), strict=True):
+        for k in range(5):
+            assert len(question.arcs_at([low + (high - low) * Fraction(k, 4)])) == count
 
 
 @pytest.mark.parametrize("base", [ROUND, SWINGING], ids=["round", "swinging"])
