@@ -1,21 +1,25 @@
 """Target 6, the certified tier against what it replaces, and what it costs elsewhere."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from fractions import Fraction
+from time import process_time
 
 import mpmath
 import numpy as np
-from flint import arb
+from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.problem import PlanarMotion
+from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.problem import PlanarMotion, StartAtEquator
 from service.dynamics.solution.ball_columns import as_decimals
 from tests.benchmarks.measuring import Effort, Result, Row, Table, clock, faster, in_words, median
 from tests.benchmarks.motions import Measured, elliptic
 from tests.support.planar import body, formula
+from tests.support.witnesses.general_motion import GeneralMotion
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.validated.enclose import Enclosure
 from workers.solvers.certified.validated.enclose import enclose as enclose_steps
@@ -155,6 +159,61 @@ def others(effort: Effort) -> Table:
             rows.append((name, str(bits), in_words(alone), in_words(sampled), radius))
     heads = ("motion", "bits", "period alone", "1000 samples", "radius of the period")
     return Table("The certified tier by the integral", "One run of each.", heads, tuple(rows))
+
+
+FUNCTIONS: Mapping[str, Callable[[mpmath.mpf], mpmath.mpf]] = {
+    "-w^(3/7)": lambda w: -(w ** (mpmath.mpf(3) / 7)),
+    "-w^(1/3)": lambda w: -mpmath.cbrt(w),
+    "-sqrt(w)": lambda w: -mpmath.sqrt(w),
+    "-exp(-w)": lambda w: -mpmath.exp(-w),
+    "-log(2+w)": lambda w: -mpmath.log(2 + w),
+    "w*log(w)": lambda w: w * mpmath.log(w),
+}
+RATIOS = (*map(Fraction, ("3/2", "2", "3", "6/5", "101/100", "100")),)
+
+
+def integrals(effort: Effort) -> Table:
+    """Return what encloses motions through poles where V1 may stay an integral, beside quadratures."""
+    ratios = [*RATIOS, *(1 / ratio for ratio in RATIOS)]
+    rows = [
+        (F, str(ratio), *_of_integral(F, ratio))
+        for ratio in ratios[: 1 if effort.is_quick else None]
+        for F in FUNCTIONS
+    ]
+    heads = ("F", "A/C", "answer", "seconds of the processor", "radius", "apart from the quadrature")
+    return Table("The certified tier where V1 is an integral", CIRCUMSTANCES, heads, tuple(rows))
+
+
+CIRCUMSTANCES = (
+    "G = 0, λ = 1, from the equator on, 64 bits, one sample, one run of each. Radius and distance are the "
+    "largest of the six variables; the quadrature is one of mpmath, of formulas without any series. A "
+    "distance above the radius would be a wrong answer."
+)
+
+
+def _of_integral(F: str, ratio: Fraction) -> tuple[str, str, str, str]:
+    rigid_body = body(ratio, 1)
+    with mpmath.workdps(34), ctx.workprec(160):
+        witness = GeneralMotion(FUNCTIONS[F], _number(ratio), mpmath.mpf(1), mpmath.mpf(1))
+        u = mpmath.mpf(1) / 4
+        is_real = not isinstance(witness.time_to(u), mpmath.mpc)
+        times = [Fraction(mpmath.nstr(witness.time_to(u), 34)) if is_real else Fraction(1)]
+        potential = general_potential(rigid_body, F, "0", {})
+        began = process_time()
+        try:
+            motion = PlanarMotion(Fraction(1), start=StartAtEquator(-1))
+            found = enclose(rigid_body, potential, motion, times, 64)
+        except DynamicsError as error:
+            return error.code, in_words(process_time() - began), "", ""
+        seconds = process_time() - began
+        true = [arb(mpmath.nstr(value, 34)) for value in witness.north_of(u)]
+        radius = max(float(ball.rad()) for ball in found.states[0])
+        apart = max(float(abs(ball.mid() - x)) for ball, x in zip(found.states[0], true, strict=True))
+        return found.method, in_words(seconds), f"{radius:.1e}", f"{apart:.1e}"
+
+
+def _number(value: Fraction) -> mpmath.mpf:
+    return mpmath.mpf(value.numerator) / value.denominator
 
 
 def _once(motion: Measured, times: list[Fraction], bits: int) -> float:

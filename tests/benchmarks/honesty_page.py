@@ -51,9 +51,10 @@ MEASURED = """## What is measured
   departure counts.
 * **How fast variables change**, by which times that are off make samples be off: differences of neighbouring
   places, eight to a panel, and a quarter more. Each panel has its own.
-* **Potentials given by an integral**, which no complex ball can enter: windows are those of a scan, and
-  panels are judged by the decay of their series. Along the motion V₁ is a series of integrals, to 80 bits by
-  the decay of its terms and by what is seen between its nodes.
+* **Potentials given by an integral** in the tiers `draft`, `standard` and `high`: windows are those of a
+  scan, and panels are judged by the decay of their series. Along the motion V₁ is a series of integrals, to
+  80 bits by the decay of its terms and by what is seen between its nodes. In the tier `certified` it is
+  proven, and that rest points are the only ones on the way; which window is the first of the scan is not.
 * **Samples beside a pole that nothing encloses** (V₁ as an integral, logarithms below A/C = 2): twice what
   moving a time by its error does to the variables, and four times the largest departure that was seen in its
   panel of the phase.

@@ -147,7 +147,7 @@ PARTS: Mapping[str, Part] = {
     "requests": partial(tables, "requests", (requests.requests,)),
     "tier-costs": tier_costs,
     "tiers": partial(tables, "tiers", (costs.tiers, costs.outputs, costs.parts)),
-    "certified": partial(tables, "certified", (certified.others, certified.long_steps)),
+    "certified": partial(tables, "certified", (certified.others, certified.integrals, certified.long_steps)),
     "starting": partial(tables, "starting", (starting.starting, starting.new_machine)),
     "compiling": partial(tables, "compiling", (compiling.compiling,)),
     "service": partial(tables, "service", (service.around,)),

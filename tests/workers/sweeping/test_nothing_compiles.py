@@ -53,7 +53,7 @@ def test_the_catalogue_at_every_tier_with_every_output(child, specimen):
         child.run(attempt, json.dumps({**specimen.document, **few, "accuracy": {"tier": tier}}), seconds=None)
         for tier in TIERS
     ]
-    # A potential that is given by an integral cannot be certified.
+    # Not every motion is certified.
     assert all(done[:3])
 
 

@@ -3,13 +3,15 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import ceil
 
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.tape import Tape
-from service.dynamics.potentials.potential import NoClosedFormError, Potential
+from service.dynamics.potentials.families.general_solution import GeneralPotential
+from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.start import StartingPoint, starting_point
@@ -23,6 +25,7 @@ from workers.solvers.certified.real_loop import RealLoop
 from workers.solvers.certified.time_model import TimeModel, make_time_model
 from workers.solvers.certified.trapezoid import ProvenStrip, proven_strip, time_of_turn
 from workers.solvers.certified.way import PolarWay, way_of
+from workers.solvers.complex_plane.angular_part import AngularSeries
 from workers.solvers.complex_plane.complex_loop import ComplexLoop
 from workers.solvers.complex_plane.passage import unit_at_poles
 
@@ -32,6 +35,8 @@ FindArc = Callable[[RigidBody, Potential, PlanarMotion], Arc | None]
 SHARES = (0.375, 0.625, 0.8125)
 """Places on the arc where the energy is taken: two at least are neither a pole nor the equator."""
 WAY_BITS = 16
+LEAST_UNIT = 8
+"""Least order of the root of sin v at a pole where V1 is an integral."""
 KEPT = 4
 NEWTON_TRIES = 12
 NARROWING = 2.0**-8
@@ -56,7 +61,8 @@ class IntegralMotion:
     @cached_property
     def strip(self) -> ProvenStrip | None:
         """Return where time is proven to be a holomorphic function of the phase; None if not by one strip."""
-        return None if isinstance(self.phase, PolarWay) else proven_strip(self.phase)
+        phase = self.phase
+        return None if isinstance(phase, PolarWay) or phase.curve.angular else proven_strip(phase)
 
     @cached_property
     def period(self) -> arb:
@@ -196,12 +202,17 @@ def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
         The precision does not suffice, as above.
     """
     arc = start.arc
-    loop, tape = arc.loop, _tape(arc.loop)
+    loop = arc.loop
     passes = passes_pole(arc)
     side = 0 if passes else 1 if ((arc.lower + arc.upper) / 2).sin() > 0 else -1
+    tape, angular = _parts(loop, side, bits)
     unit = unit_at_poles(loop, tape) if passes else 0
-    real = RealLoop(loop, tape, side)
-    curve = ComplexLoop(loop, tape, _energy(arc, real), side, unit)
+    if passes and angular is not None:
+        # No root of sin v makes it smooth there: pieces reach so far that the rest takes no time.
+        unit = max(1, unit) * ceil(LEAST_UNIT / max(1, unit))
+    real = RealLoop(loop, tape, side, angular)
+    h = _energy(arc, real) if angular is None else -angular.at_curve
+    curve = ComplexLoop(loop, tape, h, side, unit, angular=angular)
     ends = (arc.lower, arc.upper)
     if not arc.is_whole_loop:
         ends = _zero(real, curve.h, arc.lower), _zero(real, curve.h, arc.upper)
@@ -227,13 +238,18 @@ def way_bits(bits: int) -> int:
     return -(-bits // WAY_BITS) * WAY_BITS
 
 
-def _tape(loop: Loop) -> Tape:
-    try:
-        return loop.potential.tape
-    except NoClosedFormError as error:
+def _parts(loop: Loop, side: int, bits: int) -> tuple[Tape, AngularSeries | None]:
+    """Return the formula of V where sin v has this sign, or on both sides for 0, and the integral."""
+    potential = loop.potential
+    if not isinstance(potential, GeneralPotential):
+        return potential.tape, None
+    primed = [(loop.g1_sign, sign) for sign in ((side,) if side else (1, -1))]
+    first, *others = (potential.piece(*(signs[::-1] if loop.mirrored else signs)) for signs in primed)
+    if any(other != first for other in others):
         raise CertifiedUnavailableError(
-            "the potential is given by an integral", pointer="/potential"
-        ) from error
+            "it passes a pole between quadrants on which F or G differ", pointer="/potential"
+        )
+    return first.even.tape, AngularSeries(loop, first.angular, bits)
 
 
 def _energy(arc: Arc, real: RealLoop) -> arb:

@@ -49,6 +49,10 @@ class SmoothPhase(TimedPhase, Protocol):
     def motion(self, theta: acb) -> tuple[acb, ...]:
         """Return dt/dθ and the six variables."""
 
+    def largest_rate(self, theta: float) -> arb | None:
+        """Return a bound of dt/dθ on the reals between 0 and θ, if it need not be holomorphic at 0."""
+        return None
+
 
 @dataclass(frozen=True, slots=True)
 class PhaseStretch:
@@ -92,7 +96,7 @@ class MotionPhase(TimedPhase, Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class LibrationPhase:
+class LibrationPhase(SmoothPhase):
     """Motion to and fro between two simple zeros of N, v = m − h cos θ."""
 
     curve: ComplexLoop
@@ -180,7 +184,7 @@ class LibrationPhase:
 
 
 @dataclass(frozen=True, slots=True)
-class RotationPhase:
+class RotationPhase(SmoothPhase):
     """Motion round the whole loop, v = v₀ + σθ."""
 
     curve: ComplexLoop

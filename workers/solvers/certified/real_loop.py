@@ -21,6 +21,7 @@ from service.dynamics.reduction.geometry.point import (
     rates_of,
     steepness_at,
 )
+from workers.solvers.complex_plane.angular_part import AngularSeries
 from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA, geometric
 
 NEAR = 2.0**-10
@@ -40,7 +41,8 @@ SLOPE = Way("real", _trace_slope)
 class RealLoop:
     """The functions of ComplexLoop at real v with sin v ≠ 0 and cos v ≠ 0; for one precision."""
 
-    def __init__(self, loop: Loop, tape: Tape, side: int) -> None:
+    def __init__(self, loop: Loop, tape: Tape, side: int, angular: AngularSeries | None = None) -> None:
+        self._angular = angular
         self._side, self._mirrored = side, loop.mirrored
         self._potential, self._slope = (traced_program(tape, way).at(ctx.prec) for way in (VALUE, SLOPE))
         alpha = loop.alpha
@@ -64,6 +66,8 @@ class RealLoop:
         """Return dV/dv."""
         at, _ = self._place(v)
         slope: arb = self._slope(*gamma_of(self._curve, at), *rates_of(self._curve, at))[0]
+        if self._angular is not None:
+            slope += self._angular.slope(abs(at.sine).log(), at.cosine / at.sine)
         return slope
 
     def gamma(self, v: arb) -> tuple[arb, arb, arb]:
@@ -79,7 +83,7 @@ class RealLoop:
 
     def _value(self, at: CurvePlace[arb]) -> arb:
         value: arb = self._potential(*gamma_of(self._curve, at))[0]
-        return value
+        return value if self._angular is None else value + self._angular.value(abs(at.sine).log())
 
     def loses_digits(self, v: arb) -> bool:
         """Say whether v is too near the equator, or a pole, for the formulas here."""

@@ -204,8 +204,11 @@ def make_time_model(phase: MotionPhase, bits: int) -> TimeModel:
     pieces: list[TimePiece] = []
     t = arb(0)
     for stretch in phase.stretches:
-        for left, right, size, largest in _cut(stretch):
-            piece = _piece(stretch, left, right, t, size, largest, bits)
+        for left, right, size, largest in _cut(stretch, bits):
+            if size is None:
+                piece = _bounded_piece(stretch, left, right, t, largest)
+            else:
+                piece = _piece(stretch, left, right, t, size, largest, bits)
             pieces.append(piece)
             t = piece.time_at(right + stretch.shift)
             if len(pieces) > MAX_PIECES:
@@ -213,8 +216,12 @@ def make_time_model(phase: MotionPhase, bits: int) -> TimeModel:
     return TimeModel(tuple(pieces), phase.is_even, phase.length, t)
 
 
-def _cut(stretch: PhaseStretch) -> Iterator[tuple[arb, arb, arb, arb]]:
-    """Yield the ends of pieces of the stretch in order, about how large dt/dθ is there, and its bound M."""
+def _cut(stretch: PhaseStretch, bits: int) -> Iterator[tuple[arb, arb, arb | None, arb]]:
+    """Yield the ends of pieces of the stretch in order, about how large dt/dθ is there, and its bound M.
+
+    Next to a pole where dt/dθ is not holomorphic the piece is so short that its time is next to nothing, its
+    bound is one for real θ, and how large dt/dθ is is None.
+    """
     first, last = float(stretch.first), float(stretch.last)
 
     def size_at(place: float) -> arb:
@@ -224,6 +231,7 @@ def _cut(stretch: PhaseStretch) -> Iterator[tuple[arb, arb, arb, arb]]:
     # A/C is next to 1 it is next to nothing on nearly all of the stretch.
     sizes = [size_at(first + (last - first) * share) for share in SHARES]
     least = max(size for size in sizes if size.is_finite()) / LOOSE
+    least_time = least * LOOSE * (last - first) * arb(2) ** -bits
     count = max(1, round(FIRST_PIECES * (last - first) / pi))
     cuts = [first + (last - first) * k / count for k in range(count)] + [last]
     waiting = list(pairwise(cuts))[::-1]
@@ -232,6 +240,12 @@ def _cut(stretch: PhaseStretch) -> Iterator[tuple[arb, arb, arb, arb]]:
         size = size_at(0.5 * (left + right)).max(least)
         largest = _bound(stretch.phase, left, right, size)
         if largest is None:
+            is_at_pole = (left == first == 0.0) or (right == last == 0.0)
+            bound = stretch.phase.largest_rate(left or right) if is_at_pole else None
+            if bound is not None and bound * (right - left) < least_time:
+                begin = stretch.first if left == first else arb(left)
+                yield begin, stretch.last if right == last else arb(right), None, bound
+                continue
             middle = 0.5 * (left + right)
             waiting += [(middle, right), (left, middle)]
             if len(waiting) > MAX_PIECES or right - left < SHORTEST * (last - first):
@@ -278,6 +292,16 @@ def _piece(
     states = np.fft.fft(np.concatenate([states, states[-2:0:-1].conj()]), axis=0).real / count
     ends = left + stretch.shift, right + stretch.shift
     return TimePiece(*ends, begin, centre + stretch.shift, radius, slope, time, states)
+
+
+def _bounded_piece(stretch: PhaseStretch, left: arb, right: arb, begin: arb, largest: arb) -> TimePiece:
+    """Return a piece of which no more is known than that dt/dθ is between 0 and a bound."""
+    centre, radius = ((left + right) / 2).mid(), (SLACK * (right - left) / 2).mid()
+    slope = arb_poly([radius * arb(0).union(largest)])
+    time = slope.integral()
+    time = time + (begin - time((left - centre) / radius))
+    ends = left + stretch.shift, right + stretch.shift
+    return TimePiece(*ends, begin, centre + stretch.shift, radius, slope, time, np.zeros((1, 6)))
 
 
 @lru_cache(maxsize=64)

@@ -24,13 +24,14 @@ from workers.solvers.certified.phase import (
 from workers.solvers.certified.real_loop import RealLoop
 from workers.solvers.complex_plane.complex_loop import ComplexLoop, tighter
 from workers.solvers.complex_plane.passage import Passage, drops_matter
+from workers.solvers.complex_plane.questions import VALUE
 
 NEAR_POLE = 0.3
 """Distance from a pole within which φ is the phase; beyond, v itself, whose balls are narrower there."""
 
 
 @dataclass(frozen=True, slots=True)
-class PassagePhase:
+class PassagePhase(SmoothPhase):
     """Motion on one side of a pole: φ = ±θ, θ growing with time and being 0 at the pole."""
 
     passage: Passage
@@ -59,6 +60,20 @@ class PassagePhase:
         P = curve.W(at) * curve.N(at, analytic=False)
         rate = curve.loop.Z * slope * (at.c_squared * P).rsqrt()
         return rate, *six_variables(curve, at, -self.direction * P.sqrt())
+
+    def largest_rate(self, theta: float) -> arb | None:
+        """Return a bound of dt/dθ from the pole to θ where V1 is an integral, and time is not holomorphic.
+
+        Not finite if there is none; None where V has a formula.
+        """
+        curve = self.passage.curve
+        if curve.angular is None:
+            return None
+        at, slope = self.passage.place(acb(arb(0).union(arb(abs(theta)))), analytic=False)
+        known = curve.ask(VALUE, at, (), analytic=False)[0].real
+        N = curve.h - known - curve.angular.about_pole(self.passage.log_sigma(arb(abs(theta))))
+        rate = curve.loop.Z * slope.real / (at.c_squared * curve.W(at)).real.sqrt() / N.sqrt()
+        return arb(abs(rate).upper())
 
     def phase(self, v: arb) -> arb:
         """Return θ at v."""
@@ -165,7 +180,9 @@ def _passages(curve: ComplexLoop, v: arb, other: arb, direction: int) -> list[_P
             phase: SmoothPhase = PassagePhase(Passage(beside, pole, way), direction)
         else:
             far = replace(curve, side=side)
-            phase = RotationPhase(far, RealLoop(far.loop, far.tape, side), begin.mid(), direction)
+            phase = RotationPhase(
+                far, RealLoop(far.loop, far.tape, side, far.angular), begin.mid(), direction
+            )
         first, last = (arb(0) if at.overlaps(arb.pi() * pole) else phase.phase(at) for at in (begin, end))
         parts.append((phase, first, last))
     return parts
@@ -174,7 +191,7 @@ def _passages(curve: ComplexLoop, v: arb, other: arb, direction: int) -> list[_P
 def _libration(curve: ComplexLoop, end: arb, ends: tuple[arb, arb]) -> LibrationPhase:
     """Return the libration's own phase, to be used about one of its ends."""
     side = replace(curve, side=1 if end.sin() > 0 else -1, unit=0)
-    return LibrationPhase(side, RealLoop(curve.loop, curve.tape, side.side), *ends)
+    return LibrationPhase(side, RealLoop(curve.loop, curve.tape, side.side, curve.angular), *ends)
 
 
 def _joined(parts: Sequence[_Part]) -> tuple[PhaseStretch, ...]:

@@ -31,6 +31,7 @@ from service.dynamics.reduction.geometry.point import (
     rates_of,
     speed_factor,
 )
+from workers.solvers.complex_plane.angular_part import AngularSeries
 from workers.solvers.complex_plane.questions import BEND, SLOPE, VALUE, PlaneQuestion
 
 T = TypeVar("T")
@@ -75,6 +76,8 @@ class ComplexLoop:
     side: int
     unit: int = 0
     pole: int = 0
+    angular: AngularSeries | None = None
+    """What is added to the formula, of a potential that has an integral too."""
     known: dict[int, Curve[acb]] = field(default_factory=dict, init=False, compare=False, repr=False)
     """The numbers of the loop, by precision: every place needs them."""
     about: tuple[object, ...] = field(init=False, compare=False, repr=False)
@@ -126,11 +129,14 @@ class ComplexLoop:
 
     def N(self, at: ComplexPlace, *, analytic: bool) -> acb:
         """Return h − V."""
-        return self.h - self.ask(VALUE, at, (), analytic=analytic)[0]
+        found = self.h - self.ask(VALUE, at, (), analytic=analytic)[0]
+        return found if self.angular is None else found - self.angular.value(self._log_sigma(at))
 
     def slope(self, at: ComplexPlace, *, analytic: bool) -> acb:
         """Return dN/dv; not finite if ``analytic`` and N is not holomorphic, though its derivative may be."""
         value, rate = self.ask(SLOPE, at, rates_of(self.numbers(), at), analytic=analytic)
+        if self.angular is not None:
+            rate += self.angular.slope(self._log_sigma(at), at.cosine / at.sine)
         return _UNKNOWN if analytic and not value.is_finite() else -rate
 
     def slope_and_curvature(self, at: ComplexPlace, *, analytic: bool) -> tuple[acb, acb]:
@@ -146,6 +152,10 @@ class ComplexLoop:
         rates = zip(rates_of(numbers, at), bends_of(numbers, at, below, mean), strict=True)
         beside = [part for pair in rates for part in pair]
         value, rate, bend = self.ask(BEND, at, beside, analytic=analytic)
+        if self.angular is not None:
+            log_sigma, cotangent = self._log_sigma(at), at.cosine / sine
+            rate += self.angular.slope(log_sigma, cotangent)
+            bend += self.angular.curvature(log_sigma, cotangent)
         if analytic and not value.is_finite():
             return _UNKNOWN, _UNKNOWN
         return -rate, -bend
@@ -181,6 +191,10 @@ class ComplexLoop:
         if run is not None:
             return run(*inputs, *beside)
         return self._answer(question, self.tape, _plain(analytic), inputs, beside)
+
+    def _log_sigma(self, at: ComplexPlace) -> acb:
+        """Return log |sin v|."""
+        return self.unit * at.root.log(True) if self.unit else (self.side * at.sine).log(True)
 
     def numbers(self) -> Curve[acb]:
         """Return the numbers of the loop at the current precision."""

@@ -100,6 +100,11 @@ class Passage:
         """Return v at φ."""
         return acb.pi() * self.pole + self.way * 2 * _raised((phi / 2).tan(), self.curve.unit).atan()
 
+    def log_sigma(self, phi: arb) -> arb:
+        """Return log |sin v| at a real φ."""
+        X = (phi / 2).tan() ** self.curve.unit
+        return (2 * X / (1 + X * X)).log()
+
     def phase(self, v: arb) -> arb:
         """Return φ at a real v on this side; not finite elsewhere."""
         tangent = ((v - arb.pi() * self.pole) * self.way / 2).tan()
