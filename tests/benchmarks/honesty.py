@@ -1,7 +1,7 @@
 """``python -m tests.benchmarks.honesty``: is any claimed error exceeded? Written to docs/honesty.md.
 
 Random problems are solved in every tier, as the service does. Smooth ones and motions through poles are
-compared with the certified motion in balls, motions from states with series in long integers, hostile ones
+compared with the certified motion in balls, motions from states with series in twice the digits, hostile ones
 with what is true of them by their making. A claim is exceeded if the whole ball is further away than it. With
 ``--records FOLDER`` a run goes on where the last one with that folder stopped; what is asked no more of is
 written as it was counted. ``--only smooth``, for example, runs and writes one section; the others stay

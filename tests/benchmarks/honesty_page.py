@@ -63,7 +63,9 @@ MEASURED = """## What is measured
   the equations makes, `error_by_residual` in the evidence, if that is more), and what errors of every step
   grow to until any later time (`grown_errors`), checked against the equations. Growth is that of the
   equations of variation along the motion; what a step loses is modelled, as a rounding of all that is added
-  up in it and what its series leave out. Both parts are estimates, to first order.
+  up in it and what its series leave out. Both parts are estimates, to first order. So are the errors of the
+  attitude: what is left of the equations, and the roundings, carried on to it by its linear equations, as
+  many times as the claim of the variables is above what the same makes of them.
 
 Hence the runs below. **A claim is exceeded if the true number is proven to be further away than it.** That
 none was exceeded in a run is said of its problems, and of no others.
@@ -118,7 +120,7 @@ next to a rotation about their middle axis, heavy tops next to the upright one (
 in quadratic and cubic fields next to any equilibrium or permanent rotation on an axis; the gaps go down to
 1e{narrowest:.0f}. There are up to {passages:.0f} passages, and times up to {latest:.0f}; one in five goes
 backwards. Whoever passes an unstable motion, leaves it and passes it again multiplies what was lost on the
-way. References are power series in integers of 160 bits (`tests/support/fixed_point.py`), from the exact
+way. References are power series in twice the digits (`tests/support/doubled_series.py`), from the exact
 state. Smallest and median as above.
 
 | tier | kind | asked | solved | refused | exceeded | smallest | median | seconds |
@@ -128,13 +130,13 @@ MOTIONS = """## Motions of every sort, attitudes and multipliers
 
 The first {done} motions of the seed {seed}, in {minutes:.0f} minutes at low priority beside other work,
 numerics {numerics}. Chaotic: any body in a field with linear, quadratic and cubic terms, from any state, up
-to t = {latest:.0f}. Near upright: tops of any spin up to twice the critical one, from 1e-3 of the vertical
+to t = {latest:.0f}. Near upright: tops of any spin up to twice the critical one, from 1e-6 of the vertical
 on. Fast spin: up to {fastest:.0e}, for {radians:.0f} radians. Nearly singular: a wall of the size
 1e-6 to 0.1 over a power of one γ, which the motion runs against. Moments nearly equal to 1e-12, or apart by
 up to 1e6. Planar: the attitude of motions with three terms, over two periods. Classical: all cases, with
 random bodies and phases. All of these with their attitude: the smaller bounds of ω and γ, of the quaternion
 and of each angle are compared one by one. Multipliers: of planar motions with three terms and any B between
-the triangle inequalities. References are series in integers of 160 bits (`tests/support/fixed_point.py`),
+the triangle inequalities. References are series in twice the digits (`tests/support/doubled_series.py`),
 for attitudes with q' = q ω / 2, for multipliers with the equations of variation of all six variables, from
 the exact state, or a proven one of 150 bits; of the classical cases from the state that the service places.
 Samples are those of a job, documents and all; what takes more than 10 s of processor time is stopped.

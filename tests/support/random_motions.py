@@ -69,6 +69,8 @@ MOST_SECONDS = 10.0
 LATEST = 30.0
 COMPARED_BITS = 256
 """Precision of comparisons: more than the digits of references."""
+CLOSED = Fraction(1, 10**18)
+"""Distance within which references of periodic motions come back: beyond it they are on another motion."""
 START_BITS = 150
 """Bits of the proven state from which the reference of a planar motion starts."""
 Setting = tuple[Moments, list[Term], Sequence[Fraction], Sequence[Fraction], float]
@@ -327,7 +329,11 @@ def _planar(kind: Kind, draws: np.random.Generator) -> MotionCase:
     if kind == "planar":
         last = float(period) * float(draws.uniform(0.1, 2.0))
         return _followed(kind, document, moments, terms, state, last, draws, about)
-    carried = doubled_series.Motion(moments, tuple(terms)).carried(state, period)
+    motion = doubled_series.Motion(moments, tuple(terms))
+    (after,) = motion.at(state, [period])
+    if max(abs(one - other) for one, other in zip(after, state, strict=True)) > CLOSED:
+        raise RefusedError({"code": "reference lost", "detail": "neighbours part too far in a period"})
+    carried = motion.carried(state, period)
     trace = sum(row[n] for n, row in enumerate(carried)) - 4
     return MotionCase(kind, document, [0.0], [[trace]], about)
 
@@ -386,7 +392,8 @@ def _truth(reference: list[list[Fraction]], stored: Mapping[str, np.ndarray]) ->
     """Return the columns at the times, the angles up to whole turns."""
     rows = [[ball(number) for number in row] for row in reference]
     columns = {name: [row[k] for row in rows] for k, name in enumerate(COLUMNS)}
-    first = _attitude([row.mid() for row in rows[0][3:6]])
+    # An exact one: the azimuth of a ball on the cut of atan2 may be any.
+    first = [part.mid() for part in _attitude([row.mid() for row in rows[0][3:6]])]
     if QUATERNION[0] in stored:
         # Both signs are the same attitude; the sign at t = 0 is kept.
         side = (

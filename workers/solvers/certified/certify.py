@@ -55,7 +55,7 @@ class Certified:
     columns: tuple[str, ...] = COLUMNS
     """The names of what ``states`` have: after the six variables those of the attitude, if it is proven."""
     precession: tuple[arb, arb] | None = None
-    """Gains of ψ1 and ψ3 in a period, if that is proven."""
+    """The gains of ψ1 and ψ3 in a period, if they are proven."""
 
 
 class _Motion(Protocol):

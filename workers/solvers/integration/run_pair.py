@@ -226,7 +226,7 @@ class ErrorsOnTheWay:
     by_residual: FloatArray
     """The error that the residual makes, to first order."""
     turned_deviations: FloatArray
-    """Largest standard deviations of φ and of the azimuths on the way, shape (3 + azimuths,); or none."""
+    """Standard deviations of φ and of the azimuths, shape (pieces, 3 + azimuths); or of none."""
     turned_by_residual: FloatArray
     """The errors of the same that the residual makes."""
 
@@ -283,9 +283,10 @@ def errors_on_the_way(
         deviations, errors = passed_on(jacobians, times[piece] * half, lost, left, spread, error)
         found.append(size * np.maximum.reduceat(deviations, first))
         by_residual.append(size * np.maximum.reduceat(errors, first))
-    deviations, errors = np.concatenate(found), np.concatenate(by_residual)
-    turned = (each[:, STATE:].max(axis=0, initial=0.0) for each in (deviations, errors))
-    return ErrorsOnTheWay(deviations[:, :STATE].max(axis=1), errors[:, :STATE].max(axis=1), *turned)
+    both = np.concatenate(found), np.concatenate(by_residual)
+    return ErrorsOnTheWay(
+        *(each[:, :STATE].max(axis=1) for each in both), *(each[:, STATE:] for each in both)
+    )
 
 
 @np.errstate(all="ignore")

@@ -54,7 +54,12 @@ from service.dynamics.solution.dense_output import (
     chebyshev_points,
 )
 from workers.solvers.integration.interface import Run
-from workers.solvers.integration.run_pair import DIFFERENCE_FACTOR, TURN, errors_on_the_way
+from workers.solvers.integration.run_pair import (
+    DIFFERENCE_FACTOR,
+    SHARED_RELATIVE_ROUNDING,
+    TURN,
+    errors_on_the_way,
+)
 from workers.solvers.integration.solve import LOCAL_TOLERANCE
 from workers.solvers.orientation.advance import Precession, estimate, loop_advances
 from workers.solvers.orientation.pieces import Pieces, VerticalAxisError, resolve_attitude
@@ -111,12 +116,12 @@ def with_orientation(
     advances = _advances(motion, dense, advances_of)
     dense = replace(dense, advances={name: a for name, a in advances.items() if a != Advance()})
     loop = None if motion.window is None else motion.window.arcs[0].loop
-    errors = _errors(dense, names, pieces, advances, loop)
+    bounds = _errors(dense, names, pieces, advances, loop)
     if equations is not None and LOCAL_TOLERANCE in motion.evidence:
         carried = _carried(equations, dense, names, pieces, float(motion.evidence[LOCAL_TOLERANCE]))
         # NaN, where the equations tell nothing, is no bound.
-        errors = {name: float(np.fmin(bound, carried.get(name, np.inf))) for name, bound in errors.items()}
-    dense = replace(dense, errors=errors)
+        bounds = np.fmin(bounds, carried)
+    dense = replace(dense, errors=_named(bounds, names))
     precession = None
     if advances:
         precession = Precession(*(estimate(advances[name]) for name in AXES))
@@ -208,11 +213,11 @@ def _errors(
     pieces: Pieces,
     advances: dict[str, Advance],
     loop: Loop | None,
-) -> dict[str, float]:
+) -> FloatArray:
     """Return the bounds within the breaks of the quaternion and the angles; see the head of the module."""
     span = float(dense.breaks[-1] - dense.breaks[0])
     weights = np.array([0.5 * math.sqrt(3.0) * span, *pieces.weights.sum(axis=0)])
-    bounds = (dense.error + RATE_RELATIVE_ROUNDING) * weights + 2.0 * pieces.tails.sum(axis=0)
+    bounds: FloatArray = (dense.error + RATE_RELATIVE_ROUNDING) * weights + 2.0 * pieces.tails.sum(axis=0)
     bounds += RATE_RELATIVE_ROUNDING * math.sqrt(len(pieces.parent))
     bounds[0] += RATE_RELATIVE_ROUNDING / _tilt_at_zero(dense)
     if loop is not None and names == tuple(AXES):
@@ -220,7 +225,7 @@ def _errors(
         bounds = np.fmin(bounds, _along_the_curve(dense, loop))
     if dense.period is not None:
         bounds += _defects(dense, names, advances)
-    return _named(bounds, names)
+    return bounds
 
 
 def _named(bounds: FloatArray, names: tuple[str, ...]) -> dict[str, float]:
@@ -232,19 +237,22 @@ def _named(bounds: FloatArray, names: tuple[str, ...]) -> dict[str, float]:
 @np.errstate(all="ignore")
 def _carried(
     equations: Equations, dense: DenseOutput, names: tuple[str, ...], pieces: Pieces, left_out: float
-) -> dict[str, float]:
-    """Return the bounds of the quaternion and of the angles by the equations of their errors."""
-    home = int(np.searchsorted(dense.breaks, 0.0))
+) -> FloatArray:
+    """Return the bounds of the quaternion and of the angles by the equations of their errors.
+
+    NaN where the equations tell nothing.
+    """
+    home, span = int(np.searchsorted(dense.breaks, 0.0)), np.diff(dense.breaks)
     motion = dense.coefficients[:, :, : len(COLUMNS)]
     mirrored = motion[:home][::-1].copy()
     mirrored[:, 1::2] *= -1.0
-    sides = [
+    backward, forward = (
         Run(dense.breaks[home::-1], mirrored, None),
         Run(dense.breaks[home:], motion[home:], None),
-    ]
+    )
     at_zero = UNIT_ROUNDOFF * np.abs(dense(np.zeros(1))[0, : len(COLUMNS)])
     axes, bounds = [AXES[name] for name in names], np.zeros(1 + len(names))
-    for run in sides:
+    for run in (backward, forward):
         if not len(run.coefficients):
             continue
         found = errors_on_the_way(equations, run, at_zero, left_out, axes)
@@ -252,17 +260,21 @@ def _carried(
         turned = DIFFERENCE_FACTOR * (found.turned_by_residual + found.turned_deviations)
         turned *= max(1.0, dense.error / shown)
         # Half the length of φ is the quaternion's.
-        bounds = np.fmax(bounds, [0.5 * np.linalg.norm(turned[:TURN]), *turned[TURN:]])
-        if not np.isfinite(turned).all():
-            return {}
+        half = 0.5 * np.linalg.norm(turned[:, :TURN], axis=1).max()
+        bounds = np.maximum(bounds, [half, *turned[:, TURN:].max(axis=0)])
     # Roundings of the rates of a piece go together, those of different ones do not.
-    weights = np.column_stack([np.diff(dense.breaks), pieces.weights])
-    bounds += RATE_RELATIVE_ROUNDING * (
-        DIFFERENCE_FACTOR * (np.sqrt(np.square(weights).sum(axis=0)) + math.sqrt(len(pieces.parent)))
-    )
+    weights = np.column_stack([span, pieces.weights])
+    bounds += RATE_RELATIVE_ROUNDING * DIFFERENCE_FACTOR * np.sqrt(np.square(weights).sum(axis=0))
+    # The table that integrates has roundings of its own, the same in all of them.
+    bounds += RATE_RELATIVE_ROUNDING * len(pieces.parent)
     bounds += 2.0 * pieces.tails.sum(axis=0)
     bounds[0] += RATE_RELATIVE_ROUNDING / _tilt_at_zero(dense)
-    return _named(bounds, names)
+    # The time is rounded, and so are the numbers that set how fast the motion goes through it.
+    turn = 0.5 * np.linalg.norm(np.abs(motion[:, :, :TURN]).sum(axis=1), axis=1).max()
+    rates = (np.abs(pieces.increments.sum(axis=1)) / span[:, None]).max(axis=0)
+    latest = float(np.abs(dense.breaks).max())
+    carried: FloatArray = bounds + SHARED_RELATIVE_ROUNDING * latest * np.array([turn, *rates])
+    return carried
 
 
 def _tilt_at_zero(dense: DenseOutput) -> float:
