@@ -30,7 +30,7 @@ from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.own_curve import require_proof_on_arc
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
-from service.schemas.problem.questions import Question, trusted_question
+from service.schemas.problem.questions import ValidationQuestion, trusted_question
 from service.schemas.problem.trusted import centre_of, trusted_problem
 from service.schemas.reading.documents import Document, Part
 from service.verdicts.cached import Keys, ResultCache, verdict_deadline
@@ -57,7 +57,7 @@ from service.verdicts.refusals import (
 )
 
 
-def classification_of(question: Question) -> Document | None:
+def classification_of(question: ValidationQuestion) -> Document | None:
     """Return the classification of a state in a potential of the type gravity; None of any other motion.
 
     It computes in balls: in a process of many threads the caller holds
@@ -237,7 +237,7 @@ def _judge_question(document: Part) -> Answer:
     return {"verdict": answer}
 
 
-def _formulas(question: Question, verdict: Verdict) -> Document:
+def _formulas(question: ValidationQuestion, verdict: Verdict) -> Document:
     """Return h, F and G of an admissible potential, as far as they are known."""
     body, found = question.body, decomposition_of(question.body, question.potential)
     # Names are used only if the formula is proved for all values, which needs a proof for these values first.
@@ -254,7 +254,9 @@ def _formulas(question: Question, verdict: Verdict) -> Document:
         return {"energy": energy_document(body, verdict, None, formulas)}
 
 
-def _require_chosen(question: Question, motion: PlanarMotion, windows: tuple[Window, ...]) -> Window | None:
+def _require_chosen(
+    question: ValidationQuestion, motion: PlanarMotion, windows: tuple[Window, ...]
+) -> Window | None:
     """Return the requested window, None if no window was chosen; raise the error its job would end with."""
     if question.problem is not None:
         return _require_motion(question.problem, motion, windows)

@@ -24,7 +24,7 @@ from service.dynamics.reduction.formulas import elliptic_motion, reduced_motion
 from service.dynamics.reduction.windows import find_windows
 from service.dynamics.verdict.proofs.energy_terms import sum_text
 from service.dynamics.verdict.simple_form import simplified
-from service.schemas.problem.questions import Question, trusted_question
+from service.schemas.problem.questions import ValidationQuestion, trusted_question
 from service.schemas.reading.documents import Document
 from service.typesetting.equations import TIME, typeset
 from service.verdicts.examination import examine_question
@@ -120,7 +120,7 @@ def _works(equations: Sequence[Equation], formats: Sequence[Any]) -> list[str]:
     ]
 
 
-def equations_of(question: Question, verdict: Mapping[str, Any]) -> Iterator[Equation]:
+def equations_of(question: ValidationQuestion, verdict: Mapping[str, Any]) -> Iterator[Equation]:
     """Yield what is known of a potential as equations: h, F, G, the reduced motion, the nearest one, V."""
     named = question.named()
     V, V_named = _potential(question, named)
@@ -139,7 +139,7 @@ def equations_of(question: Question, verdict: Mapping[str, Any]) -> Iterator[Equ
         yield Equation("V", V, REAL)
 
 
-def _potential(question: Question, named: object) -> tuple[Tree | None, Tree | None]:
+def _potential(question: ValidationQuestion, named: object) -> tuple[Tree | None, Tree | None]:
     """Return V with all numbers put in, and with the names of parameters; None where it has no formula."""
     try:
         V = question.potential.tree
@@ -209,7 +209,7 @@ def _equations(texts: _Texts, name: str, variable: str) -> Iterator[Equation]:
 
 
 def _reduced(
-    question: Question, verdict: Mapping[str, Any], V: Tree, V_named: Tree | None
+    question: ValidationQuestion, verdict: Mapping[str, Any], V: Tree, V_named: Tree | None
 ) -> Iterator[Equation]:
     """Yield the curve, p², the speed of g1 and the time.
 
@@ -250,7 +250,7 @@ def _reduced(
             yield Equation(name, tree, signs, (quadrant,), is_named=is_named, g2_sign=g2_sign)
 
 
-def _elliptic(question: Question) -> Iterator[Equation]:
+def _elliptic(question: ValidationQuestion) -> Iterator[Equation]:
     """Yield the periodic motions of three terms in elliptic functions of time."""
     body, motion = question.body, question.motion
     if not isinstance(motion, PlanarMotion) or body.A != 2 * body.C:

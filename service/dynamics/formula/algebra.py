@@ -43,7 +43,7 @@ class Algebra(Protocol[T]):
         """Return exp, log, sin, cos, tan, abs, or sign (the derivative of abs) of the argument."""
 
 
-class Ring(Protocol):
+class RingArithmetic(Protocol):
     """A type with addition and multiplication: what an :class:`Arithmetic` is, and series."""
 
     def __add__(self, other: Self, /) -> Self: ...
@@ -52,7 +52,7 @@ class Ring(Protocol):
     def __neg__(self, /) -> Self: ...
 
 
-class Arithmetic(Ring, Protocol):
+class Arithmetic(RingArithmetic, Protocol):
     """A type with division as well: balls, SymPy expressions, arrays, rationals."""
 
     def __truediv__(self, other: Self, /) -> Self: ...

@@ -32,7 +32,7 @@ from service.dynamics.numerics import NUMERICS
 from service.dynamics.potentials.potential import FormulaPotential
 from service.dynamics.problem import Problem, StateMotion, TimeList
 from service.schemas.problem.documents import MEMBERS, ProblemIn, ValidationIn
-from service.schemas.problem.questions import Question, question_of
+from service.schemas.problem.questions import ValidationQuestion, question_of
 from service.schemas.problem.rules import CheckedProblem, Reading, combination_faults, read_setting
 from service.schemas.problem.trusted import CACHED, CurveNumber, curve_of, on_curve
 from service.schemas.reading.documents import Document, Fault, InvalidProblemError, Part, first_of
@@ -100,7 +100,7 @@ def _on_curve(like: CheckedProblem, curve: CurveNumber, number: Fraction) -> Che
     return CheckedProblem(on_curve(like.problem, curve.field, number), canonical)
 
 
-def read_question(document: object) -> Question:
+def read_question(document: object) -> ValidationQuestion:
     """Read the input of a verdict; with a motion and times it is a whole problem.
 
     Every part is checked by the rules of :func:`check_problem`.
@@ -113,7 +113,7 @@ def read_question(document: object) -> Question:
     return check_question(document)[0]
 
 
-def check_question(document: object) -> tuple[Question, CheckedProblem | None]:
+def check_question(document: object) -> tuple[ValidationQuestion, CheckedProblem | None]:
     """Return the question, and the whole problem in it if there is one; raises as :func:`read_question`."""
     reading = _read(document, ValidationIn)
     if reading.body is None or reading.potential is None or reading.faults:

@@ -36,7 +36,7 @@ _LISTS = {"rational": (("a", "b", "c"), 1), "homogeneous": (("A", "B", "C", "log
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class ValidationQuestion:
     """The input of a verdict."""
 
     body: RigidBody
@@ -58,19 +58,19 @@ class Question:
         return named_of(self.stated, self.body)
 
 
-def trusted_question(document: Part) -> Question:
+def trusted_question(document: Part) -> ValidationQuestion:
     """Return the question of a valid document; raises what its constructors raise."""
     body = body_of(document)
     return question_of(document, body, potential_of(document["potential"], body))
 
 
-def question_of(document: Part, body: RigidBody, potential: Potential) -> Question:
+def question_of(document: Part, body: RigidBody, potential: Potential) -> ValidationQuestion:
     """Return the question of a document whose body and potential are made already."""
     stated, motion = document["potential"], document.get("motion")
     points, nearest = document.get("points") or {}, document.get("nearest")
     w, g2 = (tuple(float(exact_number(at)) for at in points.get(name, ())) for name in ("w", "g2"))
     is_whole = motion is not None and document.get("time") is not None
-    return Question(
+    return ValidationQuestion(
         body,
         potential,
         stated,

@@ -131,7 +131,7 @@ class LoopInDoubles:
 
 
 @dataclass(frozen=True, slots=True)
-class Curve:
+class ClassicalCurve:
     """A classical motion of the form ``loop`` as a function of time, in doubles."""
 
     placed: Placed
@@ -143,7 +143,7 @@ class Curve:
     strength: float
 
     @classmethod
-    def of(cls, placed: Placed) -> "Curve":
+    def of(cls, placed: Placed) -> "ClassicalCurve":
         """Prepare the samples of a motion."""
         assert placed.loop is not None
         clock = Clock.of(placed.loop, placed.speed)

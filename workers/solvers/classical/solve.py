@@ -19,7 +19,7 @@ from service.dynamics.problem import ClassicalMotion, Problem
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
 from workers.solvers.assembly.dense import nothing_resolved, resolve_motion
-from workers.solvers.classical.curve import Curve
+from workers.solvers.classical.curve import ClassicalCurve
 from workers.solvers.classical.momentum import Momentum
 from workers.solvers.evidence import with_claim_raised
 from workers.solvers.integration.solve import integrate_from
@@ -80,7 +80,7 @@ def _steady(problem: Problem, placed: Placed) -> Motion:
 
 
 def _of_loop(problem: Problem, placed: Placed) -> Motion:
-    curve = Curve.of(placed)
+    curve = ClassicalCurve.of(placed)
     with ctx.workprec(CASE_BITS):
         length = curve.period
         hi = float(length)

@@ -48,7 +48,7 @@ _Panel = tuple[float, float, arb, bool]
 LOST_BITS = 12
 """Bits that quotients of h − V lose next to a rest point."""
 SPARE_BITS = 24
-"""By how many bits sums of series are more precise than V1 is wanted."""
+"""Bits by which sums of series are more precise than V1 is wanted."""
 SHARE, KNOWN, OUTER = 0.36, 0.49, 0.65
 """Parts of the radius of a disc: on the reals its series serves up to the first, and has all bits up to the
 second, where it takes the points of a circle whose double is within the third. No region reaches further."""
@@ -305,9 +305,9 @@ class _Forms(NamedTuple):
     """Formulas of the integrand."""
 
     along: tuple[Tape, Tape, Tape, Tape]
-    """Of log w without what y gives to it, T, Y − y0, and what the end gives to log w."""
+    """Formulas of log w without what y gives to it, T, Y − y0, and what the end gives to log w."""
     before: tuple[Tape, Tape]
-    """Of the logarithm of a root of w and of (Y − y0) e^y/(a + e^y)², for y up to 0."""
+    """Formulas of the logarithm of a root of w and of (Y − y0) e^y/(a + e^y)², for y up to 0."""
     beyond: tuple[Tape, Tape]
     """The same for other y."""
 

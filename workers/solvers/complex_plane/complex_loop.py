@@ -77,7 +77,7 @@ class ComplexLoop:
     unit: int = 0
     pole: int = 0
     angular: AngularSeries | None = None
-    """What is added to the formula, of a potential that has an integral too."""
+    """The part added to the formula, of a potential that has an integral too."""
     known: dict[int, Curve[acb]] = field(default_factory=dict, init=False, compare=False, repr=False)
     """The numbers of the loop, by precision: every place needs them."""
     about: tuple[object, ...] = field(init=False, compare=False, repr=False)

@@ -37,7 +37,7 @@ from workers.solvers.certified.validated.enclose import (
 )
 from workers.solvers.certified.validated.step import UPWARDS, upper
 from workers.solvers.certified.validated.system import EulerPoisson, Recorded, record
-from workers.solvers.classical.curve import Curve
+from workers.solvers.classical.curve import ClassicalCurve
 from workers.solvers.classical.solve import place_motion
 from workers.solvers.stability.assessment import Stability, of_trace, trusted_time
 from workers.solvers.stability.monodromy import StabilityUndefinedError
@@ -132,7 +132,7 @@ def classical_stability(problem: Problem, origin: Origin) -> Stability:
         raise StabilityUndefinedError(
             "multipliers belong to periodic motions, and this one does not close", pointer="/outputs"
         )
-    about = float(Curve.of(placed).period)
+    about = float(ClassicalCurve.of(placed).period)
     body, start = origin
     try:
         period = return_time(body, problem.potential.tape, start, about, PERIOD_KNOWN * about)

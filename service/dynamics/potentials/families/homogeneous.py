@@ -34,7 +34,7 @@ from service.dynamics.potentials.terms.powers import (
     Coefficients,
     PowerSum,
     Ratio,
-    TooManyTermsError,
+    SeriesTooLongError,
     about_one,
     exchanged,
     monomial_sum,
@@ -68,7 +68,7 @@ def homogeneous_potential(
     ------
     EqualMomentsError
         A = C.
-    TooManyTermsError
+    SeriesTooLongError
         A list is longer than MAX_TERMS; the pointer names it.
     UndefinedTermError, NoLogTermError
         A coefficient that is not zero belongs to no term; the pointer names it.
@@ -106,7 +106,7 @@ def refusals(
         return
     for name, coefficients in (("A", A), ("B", B), ("C", C), ("log", log)):
         if len(coefficients) > MAX_TERMS:
-            yield TooManyTermsError(name, len(coefficients))
+            yield SeriesTooLongError(name, len(coefficients))
     alpha = body.alpha
     for name, coefficients, ratio in (("B", B, alpha), ("C", C, 1 / alpha)):
         for n, m in _gaps(coefficients, ratio):

@@ -17,7 +17,7 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.terms.powers import (
     MAX_TERMS,
     Exponents,
-    TooManyTermsError,
+    SeriesTooLongError,
     about_one,
     monomial_sum,
 )
@@ -49,13 +49,13 @@ def rational_potential(a: Sequence[Fraction], b: Sequence[Fraction], c: Sequence
 
     Raises
     ------
-    TooManyTermsError
+    SeriesTooLongError
         A list is longer than MAX_TERMS; the pointer names it.
     """
     terms: list[tuple[Fraction, Laurent]] = []
     for name, coefficients, term in (("a", a, _a_term), ("b", b, _b_term), ("c", c, _c_term)):
         if len(coefficients) > MAX_TERMS:
-            raise TooManyTermsError(name, len(coefficients))
+            raise SeriesTooLongError(name, len(coefficients))
         terms += [(weight, term(n)) for n, weight in enumerate(coefficients, start=1) if weight]
     return Potential.from_tree(monomial_sum(weighted_sum(terms)), FAMILY)
 

@@ -22,7 +22,7 @@ Ratio = TypeVar("Ratio", Fraction, fmpq)
 """Exact numbers of either library."""
 
 
-class TooManyTermsError(DynamicsError):
+class SeriesTooLongError(DynamicsError):
     """A list of coefficients longer than MAX_TERMS."""
 
     code = "too_many_terms"

@@ -23,12 +23,12 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.formula.algebra import Arithmetic, Ring
+from service.dynamics.formula.algebra import Arithmetic, RingArithmetic
 
 FloatArray = NDArray[np.float64]
 T = TypeVar("T", arb, FloatArray)
-R = TypeVar("R", bound=Ring)
-R_co = TypeVar("R_co", bound=Ring, covariant=True)
+R = TypeVar("R", bound=RingArithmetic)
+R_co = TypeVar("R_co", bound=RingArithmetic, covariant=True)
 N = TypeVar("N", bound=Arithmetic)
 
 FAR = 0.75
@@ -49,7 +49,7 @@ class Curve(NamedTuple, Generic[R]):
     mirrored: bool
 
 
-class Place(Protocol[R_co]):
+class PlaceOnLoop(Protocol[R_co]):
     """A place of a loop."""
 
     @property
@@ -74,7 +74,7 @@ class Place(Protocol[R_co]):
 
 
 class CurvePlace(NamedTuple, Generic[R]):
-    """A :class:`Place` and nothing else."""
+    """A :class:`PlaceOnLoop` and nothing else."""
 
     sine: R
     cosine: R
@@ -83,7 +83,7 @@ class CurvePlace(NamedTuple, Generic[R]):
     c: R
 
 
-def gamma_of(curve: Curve[R], at: Place[R]) -> tuple[R, R, R]:
+def gamma_of(curve: Curve[R], at: PlaceOnLoop[R]) -> tuple[R, R, R]:
     """Return g1, g2 and g3 in the client's axes."""
     return _in_order(curve, curve.first * at.power * at.sine * at.turn, at.c * at.cosine, curve.Z * at.sine)
 
@@ -103,12 +103,12 @@ def speed_factor(curve: Curve[N], power: N) -> N:
     return (curve.C + curve.C) / (curve.A * steepness_at(curve, power))
 
 
-def r_over_p(curve: Curve[N], at: Place[N]) -> N:
+def r_over_p(curve: Curve[N], at: PlaceOnLoop[N]) -> N:
     """Return r/p in primed axes."""
     return -curve.alpha * curve.first / curve.Z * at.power * at.turn
 
 
-def rates_of(curve: Curve[N], at: Place[N]) -> tuple[N, N, N]:
+def rates_of(curve: Curve[N], at: PlaceOnLoop[N]) -> tuple[N, N, N]:
     """Return the derivatives of g1, g2 and g3 by v, in the client's axes."""
     first = curve.alpha * curve.first * at.power * at.turn * at.cosine
     square = curve.first * at.power
@@ -117,7 +117,7 @@ def rates_of(curve: Curve[N], at: Place[N]) -> tuple[N, N, N]:
     return _in_order(curve, first, second, curve.Z * at.cosine)
 
 
-def bends_of(curve: Curve[N], at: Place[N], below: N, mean: N) -> tuple[N, N, N]:
+def bends_of(curve: Curve[N], at: PlaceOnLoop[N], below: N, mean: N) -> tuple[N, N, N]:
     """Return the second derivatives of g1, g2 and g3 by v, in the client's axes.
 
     ``below`` is power / sin v, and ``mean`` that of (1 − tu)^(α−2) over 0 ≤ t ≤ 1 with the weight 2t.

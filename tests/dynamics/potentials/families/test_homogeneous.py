@@ -22,7 +22,7 @@ from service.dynamics.potentials.families.homogeneous import (
 )
 from service.dynamics.potentials.families.rational import rational_potential
 from service.dynamics.potentials.terms.logarithmic import NoLogTermError
-from service.dynamics.potentials.terms.powers import MAX_TERMS, TooManyTermsError
+from service.dynamics.potentials.terms.powers import MAX_TERMS, SeriesTooLongError
 from tests.support.planar import body
 
 ALPHA, Z = sympy.symbols("alpha z", positive=True)
@@ -209,7 +209,7 @@ def test_every_refusal_is_told() -> None:
         )
     )
     assert [(type(error), error.pointer) for error in errors] == [
-        (TooManyTermsError, "/potential/A"),
+        (SeriesTooLongError, "/potential/A"),
         (UndefinedTermError, "/potential/B/3"),
         (UndefinedTermError, "/potential/B/5"),
         (NoLogTermError, "/potential/log/0"),

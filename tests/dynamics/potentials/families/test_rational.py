@@ -21,7 +21,7 @@ from service.dynamics.potentials.families.rational import (
     require_rational_body,
 )
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.powers import MAX_TERMS, TooManyTermsError, monomial_sum
+from service.dynamics.potentials.terms.powers import MAX_TERMS, SeriesTooLongError, monomial_sum
 from tests.support.effort import each_once
 
 BODY = RigidBody(Fraction(2), None, Fraction(1))
@@ -150,7 +150,7 @@ def test_zero_coefficients_leave_no_terms() -> None:
 @pytest.mark.parametrize("name", ["a", "b", "c"])
 def test_a_list_that_is_too_long_is_named(name: str) -> None:
     lists = {"a": [], "b": [], "c": []} | {name: [Fraction(1)] * (MAX_TERMS + 1)}
-    with pytest.raises(TooManyTermsError) as caught:
+    with pytest.raises(SeriesTooLongError) as caught:
         rational_potential(**lists)
     assert caught.value.pointer == f"/potential/{name}"
 
