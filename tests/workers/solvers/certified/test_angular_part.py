@@ -142,3 +142,11 @@ def test_a_pole_between_unlike_quadrants_is_refused():
     potential = general_potential(rigid_body, F, "0", {})
     with pytest.raises(CertifiedUnavailableError, match="quadrants"):
         enclose(rigid_body, potential, PlanarMotion(Fraction(1)), [Fraction(1)], 64)
+
+
+def test_a_rest_that_no_double_tells_from_a_pole_is_refused_at_once():
+    # p² changes its sign at |sin v| = e^-680.
+    rigid_body = body(1, "101/100")
+    potential = general_potential(rigid_body, "-w^(3/7)", "0", {})
+    with pytest.raises(CertifiedUnavailableError, match="next to a pole"):
+        enclose(rigid_body, potential, PlanarMotion(Fraction(1)), [Fraction(1)], 64)
