@@ -35,6 +35,11 @@ FindArc = Callable[[RigidBody, Potential, PlanarMotion], Arc | None]
 SHARES = (0.375, 0.625, 0.8125)
 """Places on the arc where the energy is taken: two at least are neither a pole nor the equator."""
 WAY_BITS = 16
+MOST_BITS_OF_INTEGRAL = 240
+"""Bits of V1 beyond which its series would take minutes: 64 bits take some 6 s, and twice as many five times
+as long."""
+NEAREST_REST = 2.0**-40
+"""Least |sin v| at a rest point where V1 is an integral: nearer ones ask for more and more bits."""
 LEAST_UNIT = 8
 """Least order of the root of sin v at a pole where V1 is an integral."""
 KEPT = 4
@@ -206,6 +211,11 @@ def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
     passes = passes_pole(arc)
     side = 0 if passes else 1 if ((arc.lower + arc.upper) / 2).sin() > 0 else -1
     tape, angular = _parts(loop, side, bits)
+    ends = () if passes else (arc.lower, arc.upper)
+    if angular is not None and not all(abs(v.sin()) > NEAREST_REST for v in ends):
+        raise CertifiedUnavailableError(
+            "it comes to rest next to a pole, and the potential is given by an integral", pointer="/motion"
+        )
     unit = unit_at_poles(loop, tape) if passes else 0
     if passes and angular is not None:
         # No root of sin v makes it smooth there: pieces reach so far that the rest takes no time.
@@ -213,17 +223,17 @@ def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
     real = RealLoop(loop, tape, side, angular)
     h = _energy(arc, real) if angular is None else -angular.at_curve
     curve = ComplexLoop(loop, tape, h, side, unit, angular=angular)
-    ends = (arc.lower, arc.upper)
+    rests = (arc.lower, arc.upper)
     if not arc.is_whole_loop:
-        ends = _zero(real, curve.h, arc.lower), _zero(real, curve.h, arc.upper)
+        rests = _zero(real, curve.h, arc.lower), _zero(real, curve.h, arc.upper)
     if not unit:
         turning = RotationPhase(curve, real, start.v, start.direction)
-        phase = turning if arc.is_whole_loop else LibrationPhase(curve, real, *ends)
+        phase = turning if arc.is_whole_loop else LibrationPhase(curve, real, *rests)
         found = IntegralMotion(phase, start, curve.h, bits)
         if not passes or found.strip is not None:
             return found
     # Pieces are fewer, and bounds closer, on one side of a pole at a time.
-    there = way_of(replace(curve, unit=max(1, unit)), start, ends)
+    there = way_of(replace(curve, unit=max(1, unit)), start, rests)
     way = IntegralMotion(there, start, curve.h, way_bits(bits))
     if not unit:
         try:
@@ -248,6 +258,10 @@ def _parts(loop: Loop, side: int, bits: int) -> tuple[Tape, AngularSeries | None
     if any(other != first for other in others):
         raise CertifiedUnavailableError(
             "it passes a pole between quadrants on which F or G differ", pointer="/potential"
+        )
+    if bits > MOST_BITS_OF_INTEGRAL:
+        raise CertifiedUnavailableError(
+            "it needs more bits than are computed of a potential given by an integral", pointer="/potential"
         )
     return first.even.tape, AngularSeries(loop, first.angular, bits)
 
