@@ -64,7 +64,7 @@ class GeneralMotion:
     def equator(self) -> mp.mpf:
         """Return g3 where g2 = 0."""
         return mp.findroot(
-            lambda z: (z / self.size) ** (2 * self.alpha) + z * z - 1, (mp.mpf("0.3"), mp.mpf("0.9"))
+            lambda z: (z / self.size) ** (2 * self.alpha) + z * z - 1, (0, 1), solver="anderson", maxsteps=200
         )
 
     def north_of(self, u: mp.mpf) -> tuple[mp.mpf, ...]:
