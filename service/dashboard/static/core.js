@@ -345,7 +345,7 @@ export const STUDIES = { integral: "integrals", integrals: "integrals/searches",
 export function answerText({ verdict, integrals, special, dimension, solutions, rest }) {
   if (verdict) return verdict.replaceAll("_", " ");
   if (integrals) return `${integrals.length} integrals, ${special.length} special cases`;
-  return solutions ? `${solutions.length} solutions${rest === "proved_empty" ? ", no others" : ""}` : `${dimension} potentials`;
+  return solutions ? `${solutions.length} ${solutions.length === 1 ? "solution" : "solutions"}${rest === "proved_empty" ? ", no others" : ""}` : `${dimension} potentials`;
 }
 
 /** Return what a question is, in a line. */

@@ -61,7 +61,8 @@ def trusted_time(
                   \ge \delta\,\max(1, \omega_0)\,e \sum_{k=0}^{n} \|M^k\|
 
     is reached in the variables of M, of any number, e the ``excursion`` within a period. The sum of so many
-    squares M^kᵀ M^k follows from that of half as many. The
+    squares M^kᵀ M^k = Rᵀ R follows from that of half as many; R loses half the digits that the sum itself
+    would lose, and its trace is never negative. The
     time is nT with E_n = tolerance, log E interpolated linearly in n. For an
     unstable motion that is about log(tolerance / δ) / exponent, for a stable
     one proportional to tolerance / δ, for a marginal one with a Jordan block to
@@ -72,15 +73,15 @@ def trusted_time(
     one = np.eye(len(monodromy))
     doubled = [(monodromy, one)]
     for _ in range(MAX_PERIODS.bit_length() - 1):
-        power, total = doubled[-1]
-        doubled.append((power @ power, total + power.T @ total @ power))
+        power, root = doubled[-1]
+        doubled.append((power @ power, np.linalg.qr(np.vstack([root, root @ power])).R))
 
-    def later(count: int, power: FloatArray, total: FloatArray, by: int) -> tuple[FloatArray, float]:
-        """Return the sum of the first ``count`` squares and 2^by more, and E there."""
-        total = total + power.T @ doubled[by][1] @ power
-        return total, size * math.sqrt((count + 2**by) * float(np.trace(total)))
+    def later(count: int, power: FloatArray, total: float, by: int) -> tuple[float, float]:
+        """Return the trace of the first ``count`` squares and 2^by more, and E there."""
+        total = total + float(np.sum((doubled[by][1] @ power) ** 2))
+        return total, size * math.sqrt((count + 2**by) * total)
 
-    count, power, total, before = 0, one, 0.0 * one, 0.0
+    count, power, total, before = 0, one, 0.0, 0.0
     for by in reversed(range(len(doubled))):
         more, reached = later(count, power, total, by)
         if reached < tolerance:

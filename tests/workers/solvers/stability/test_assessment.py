@@ -48,6 +48,19 @@ def test_the_trusted_time_is_that_of_the_sum_of_all_powers(name, count):
     assert found == pytest.approx((count - 0.5) * PERIOD.hi, rel=1e-9)
 
 
+@pytest.mark.parametrize("decades", [2, 4, 6])
+def test_a_turn_of_variables_of_unlike_sizes_has_a_trusted_time(decades):
+    """Squares of its powers cancel to what is negative, if they are summed as they are."""
+    turn = np.eye(6) + np.eye(6, k=1)
+    for seed in range(30):
+        random = np.random.default_rng(seed)
+        left, right = random.normal(size=(2, 6, 6))
+        units = left @ np.diag(10.0 ** random.uniform(-decades, 0, 6)) @ right
+        found = trusted_time(units @ turn @ np.linalg.inv(units), 1.0, 1.0, PERIOD.hi, 1e-9)
+        # Its powers grow like the fifth power of their number at least, as long as rounding leaves them.
+        assert 0.0 <= found <= 1e3 * PERIOD.hi
+
+
 def test_trusted_time_of_an_unstable_motion_is_logarithmic():
     one, two = (trusted([[4.0, 0.0], [0.0, 0.25]], 1e-9 * by) for by in (1.0, 4.0**5))
     # Five periods for five factors of mu = 4; the root of 16 over 11 is a quarter of a factor of 4.
