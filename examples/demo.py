@@ -18,6 +18,7 @@ from picture import draw
 HERE = Path(__file__).parent
 OUTPUT = HERE.parent / "demo-output"
 SAMPLES_SHOWN = 5
+READY_SECONDS = 300
 
 
 def main() -> int:
@@ -103,7 +104,7 @@ def start_service(address: str) -> "subprocess.Popen[bytes]":
 
 def wait_until_ready(address: str, service: "subprocess.Popen[bytes]") -> None:
     """Return when the service is ready for work."""
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + READY_SECONDS
     while time.monotonic() < deadline:
         if service.poll() is not None:
             raise SystemExit(f"the service has stopped with exit code {service.returncode}")
@@ -113,7 +114,7 @@ def wait_until_ready(address: str, service: "subprocess.Popen[bytes]") -> None:
             time.sleep(0.05)
         else:
             return
-    raise SystemExit("the service is not ready after 60 seconds")
+    raise SystemExit(f"the service is not ready after {READY_SECONDS} seconds")
 
 
 def call(

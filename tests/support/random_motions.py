@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
-from math import sqrt
+from math import ceil, sqrt
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -326,13 +326,13 @@ def _planar(kind: Kind, draws: np.random.Generator) -> MotionCase:
     state, period = tuple(map(_exact, proven.states[0])), _exact(proven.period)
     moments = (A, B, C)
     about = " to ".join(drawn.window.ends)
-    if kind == "planar":
-        last = float(period) * float(draws.uniform(0.1, 2.0))
-        return _followed(kind, document, moments, terms, state, last, draws, about)
+    periods = float(draws.uniform(0.1, 2.0)) if kind == "planar" else 1.0
     motion = doubled_series.Motion(moments, tuple(terms))
-    (after,) = motion.at(state, [period])
+    (after,) = motion.at(state, [ceil(periods) * period])
     if max(abs(one - other) for one, other in zip(after, state, strict=True)) > CLOSED:
-        raise RefusedError({"code": "reference lost", "detail": "neighbours part too far in a period"})
+        raise RefusedError({"code": "reference lost", "detail": "neighbours part too far in so many periods"})
+    if kind == "planar":
+        return _followed(kind, document, moments, terms, state, float(period) * periods, draws, about)
     carried = motion.carried(state, period)
     trace = sum(row[n] for n, row in enumerate(carried)) - 4
     return MotionCase(kind, document, [0.0], [[trace]], about)
