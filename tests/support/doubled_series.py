@@ -22,7 +22,7 @@ ORDER = 34
 STEP_ERROR = 2.0**-100
 CAREFUL = 0.9
 PRODUCT, RECIPROCAL, SUM, ONE = range(4)
-"""What a row of the recurrence is: a product of two rows, 1 over a row, a sum of rows times numbers, 1."""
+"""Kinds of rows of the recurrence: a product of two rows, 1 over a row, a sum of rows times numbers, 1."""
 
 MOST_STEPS = 20_000
 """Steps from one time to the next, some seconds at most: nothing interrupts compiled code."""

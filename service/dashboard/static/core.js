@@ -341,11 +341,14 @@ export function knownCases(known) {
 /** The path of each kind of question. */
 export const STUDIES = { integral: "integrals", integrals: "integrals/searches", potentials: "potentials/searches", numbers: "searches" };
 
+/** Return a number with its noun, which has an s unless it is one. */
+export const counted = (number, noun) => `${number} ${noun}${number === 1 ? "" : "s"}`;
+
 /** Return what the answer to a question is, in some words. */
 export function answerText({ verdict, integrals, special, dimension, solutions, rest }) {
   if (verdict) return verdict.replaceAll("_", " ");
-  if (integrals) return `${integrals.length} integrals, ${special.length} special cases`;
-  return solutions ? `${solutions.length} ${solutions.length === 1 ? "solution" : "solutions"}${rest === "proved_empty" ? ", no others" : ""}` : `${dimension} potentials`;
+  if (integrals) return `${counted(integrals.length, "integral")}, ${counted(special.length, "special case")}`;
+  return solutions ? `${counted(solutions.length, "solution")}${rest === "proved_empty" ? ", no others" : ""}` : counted(dimension, "potential");
 }
 
 /** Return what a question is, in a line. */

@@ -1,5 +1,5 @@
 // A question about integrals, potentials or numbers: it is written here, asked as a job, and its answer is read here.
-import { $, asked, bodyText, copier, during, fill, get, h, listed, measured, nameOf, onceKey, personText, post, run, say, STUDIES, troubleOf } from "./core.js";
+import { $, asked, copier, counted, during, fill, get, h, listed, measured, nameOf, onceKey, personText, post, run, say, STUDIES, troubleOf } from "./core.js";
 import { follow } from "./follow.js";
 import { put } from "./starting.js";
 
@@ -150,7 +150,7 @@ const INTEGRAL_HEADS = ["Integral", "Known as", "Degree"];
 
 function integralsAnswer(found) {
   const { integrals, special } = found;
-  return [said(integrals.length || special.length ? true : null, integrals.length ? `${integrals.length} more ${integrals.length > 1 ? "integrals" : "integral"}` : "No more integrals", " than the energy and the areas, for all values of the letters; what depends on others is left out."),
+  return [said(integrals.length || special.length ? true : null, integrals.length ? counted(integrals.length, "more integral") : "No more integrals", " than the energy and the areas, for all values of the letters; what depends on others is left out."),
     integrals.length ? table(INTEGRAL_HEADS, integralRows(integrals)) : null,
     ...special.map(({ conditions, integrals: more, resolved }) => h("section", {}, h("h3", {}, "Where ", formula(conditions.map((one) => `${one} = 0`).join(", "))),
       resolved ? table(INTEGRAL_HEADS, integralRows(more)) : h("p", { class: "hint" }, "It was not found whether there are more here."))),
@@ -159,7 +159,7 @@ function integralsAnswer(found) {
 
 function potentialsAnswer(found, { body }) {
   const rows = (potentials, given) => potentials.map(({ expression: one }) => [formula(one), given ? workbench({ body: given, potential: expression(one), motion: { type: "planar", lambda: 1 } }) : ""]);
-  return [said(true, `${found.dimension} ${found.dimension === 1 ? "potential" : "potentials"}`, `: all others up to this degree ${body?.A ? "" : "for every A ≠ C "}are sums of multiples of ${found.dimension === 1 ? "it" : "these"}.`),
+  return [said(true, counted(found.dimension, "potential"), `: all others up to this degree ${body?.A ? "" : "for every A ≠ C "}are sums of multiples of ${found.dimension === 1 ? "it" : "these"}.`),
     table(["Potential", ""], rows(found.potentials, body?.A && { A: body.A, C: body.C })),
     ...found.ratios.map(({ ratio, potentials }) => h("section", {}, h("h3", {}, `Also for A/C = ${ratio}`), table(["Potential", ""], rows(potentials, { A: ratio, C: 1 }))))];
 }
@@ -171,7 +171,7 @@ function numbersAnswer(found, { base, unknowns }) {
     return [...unknowns.map(({ pointer }) => measured(values[pointer])), String(place), proof === "proved" ? "proved" : "possible: seen in doubles", workbench({ ...problem, motion: { ...problem.motion, window: place } })];
   });
   const isWhole = found.rest === "proved_empty";
-  return [said(rows.length || isWhole ? true : null, rows.length ? `${rows.length} ${rows.length > 1 ? "solutions" : "solution"}` : "No solution found", isWhole ? "; it is proved that there are no others." : "; whether there are others is not decided everywhere."),
+  return [said(rows.length || isWhole ? true : null, rows.length ? counted(rows.length, "solution") : "No solution found", isWhole ? "; it is proved that there are no others." : "; whether there are others is not decided everywhere."),
     rows.length ? table([...unknowns.map(({ pointer }) => nameOf(pointer)), "Window", "Proof", ""], rows) : null,
     found.undecided.length ? h("details", {}, h("summary", {}, "Where it is not decided"), h("ul", { class: "plain hint" }, found.undecided.map((box) => h("li", {}, listed(box.map(([low, high], k) => `${nameOf(unknowns[k].pointer)} from ${low} to ${high}`)))))) : null];
 }

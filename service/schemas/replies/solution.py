@@ -120,8 +120,9 @@ class StabilityOut(ResponseModel):
         description="The trace from Lamé's equation, where it applies: a second, independent value."
     )
     trusted_time: float | None = Field(
-        description="Until this time at best, double precision keeps the problem's tolerance, in the tier"
-        " certified that of the tier standard; null if beyond a million periods."
+        description="Until about this time double precision keeps the problem's tolerance, in the tier"
+        " certified that of the tier standard: what roundings grow to stays below it; null if beyond"
+        " a million periods."
     )
 
 

@@ -25,7 +25,7 @@ Box = tuple[tuple[Fraction, Fraction], ...]
 CELLS, MOST_CELLS = (16, 64), 2048
 """Parts of half a turn at first, of which the second are tried where the first do not do, and at most."""
 DEEPEST = {1: 18, 2: 10}
-"""How often a box of so many unknowns is cut to find where its windows stay."""
+"""Number of times that a box of one or two unknowns is cut to find where its windows stay."""
 _ONE = Fraction(1)
 
 
