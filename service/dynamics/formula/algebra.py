@@ -4,7 +4,7 @@ Hand-written formulas compute with :class:`Arithmetic`.
 """
 
 from fractions import Fraction
-from typing import Protocol, Self, TypeVar
+from typing import Generic, Protocol, Self, TypeVar
 
 T = TypeVar("T")
 
@@ -56,3 +56,26 @@ class Arithmetic(RingElement, Protocol):
     """A type with division as well: balls, SymPy expressions, arrays, rationals."""
 
     def __truediv__(self, other: Self, /) -> Self: ...
+
+
+E = TypeVar("E", bound=RingElement)
+
+
+class OperatorAlgebra(Generic[E]):
+    """The part of an algebra that Python's operators are, for elements that have them."""
+
+    def add(self, left: E, right: E) -> E:
+        """Return left + right."""
+        return left + right
+
+    def subtract(self, left: E, right: E) -> E:
+        """Return left - right."""
+        return left - right
+
+    def multiply(self, left: E, right: E) -> E:
+        """Return left · right."""
+        return left * right
+
+    def negate(self, operand: E) -> E:
+        """Return -operand."""
+        return -operand

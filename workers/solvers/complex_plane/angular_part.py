@@ -28,7 +28,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 from flint import acb, arb, arb_poly, arb_series, ctx
 
-from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebra import Algebra, OperatorAlgebra
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.long_intervals import LongInterval, LongIntervalAlgebra
@@ -389,7 +389,7 @@ def _largest(values: Iterable[acb]) -> arb:
     return reduce(arb.max, (arb(abs(value).upper()) for value in values))
 
 
-class _SeriesOfBalls:
+class _SeriesOfBalls(OperatorAlgebra[arb_series]):
     """The algebra of flint's power series of real balls, the first coefficient being the value."""
 
     def constant(self, value: Fraction) -> arb_series:
@@ -400,25 +400,9 @@ class _SeriesOfBalls:
         """Return π."""
         return arb_series([arb.pi()])
 
-    def add(self, left: arb_series, right: arb_series) -> arb_series:
-        """Return left + right."""
-        return left + right
-
-    def subtract(self, left: arb_series, right: arb_series) -> arb_series:
-        """Return left - right."""
-        return left - right
-
-    def multiply(self, left: arb_series, right: arb_series) -> arb_series:
-        """Return left · right."""
-        return left * right
-
     def divide(self, left: arb_series, right: arb_series) -> arb_series:
         """Return left / right."""
         return left * _NONE if right[0].contains(0) else left / right
-
-    def negate(self, operand: arb_series) -> arb_series:
-        """Return -operand."""
-        return -operand
 
     def power(self, base: arb_series, exponent: Fraction) -> arb_series:
         """Return base^exponent."""

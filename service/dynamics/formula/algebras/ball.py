@@ -5,6 +5,8 @@ from fractions import Fraction
 
 from flint import arb, fmpq
 
+from service.dynamics.formula.algebra import OperatorAlgebra
+
 _FUNCTIONS: dict[str, Callable[[arb], arb]] = {
     "exp": arb.exp,
     "log": arb.log,
@@ -21,7 +23,7 @@ def ball(value: Fraction) -> arb:
     return arb(fmpq(value.numerator, value.denominator))
 
 
-class BallAlgebra:
+class BallAlgebra(OperatorAlgebra[arb]):
     """``arb`` balls; NaN as soon as the argument's ball leaves the domain.
 
     Constants are enclosed at the precision in force when they are asked for.
@@ -36,25 +38,9 @@ class BallAlgebra:
         """Return a ball of π."""
         return arb.pi()
 
-    def add(self, left: arb, right: arb) -> arb:
-        """Return left + right."""
-        return left + right
-
-    def subtract(self, left: arb, right: arb) -> arb:
-        """Return left - right."""
-        return left - right
-
-    def multiply(self, left: arb, right: arb) -> arb:
-        """Return left · right."""
-        return left * right
-
     def divide(self, left: arb, right: arb) -> arb:
         """Return left / right."""
         return left / right
-
-    def negate(self, operand: arb) -> arb:
-        """Return -operand."""
-        return -operand
 
     def power(self, base: arb, exponent: Fraction) -> arb:
         """Return base^exponent; with a fraction the whole ball of the base must be ≥ 0."""

@@ -5,10 +5,12 @@ from fractions import Fraction
 
 from flint import acb, fmpq
 
+from service.dynamics.formula.algebra import OperatorAlgebra
+
 _ENTIRE: dict[str, Callable[[acb], acb]] = {"exp": acb.exp, "sin": acb.sin, "cos": acb.cos, "tan": acb.tan}
 
 
-class ComplexBallAlgebra:
+class ComplexBallAlgebra(OperatorAlgebra[acb]):
     """``acb`` balls; on the real axis the functions are those of BallAlgebra.
 
     With ``analytic`` a value is finite only where the formula is holomorphic on
@@ -28,25 +30,9 @@ class ComplexBallAlgebra:
         """Return a ball of π."""
         return acb.pi()
 
-    def add(self, left: acb, right: acb) -> acb:
-        """Return left + right."""
-        return left + right
-
-    def subtract(self, left: acb, right: acb) -> acb:
-        """Return left - right."""
-        return left - right
-
-    def multiply(self, left: acb, right: acb) -> acb:
-        """Return left · right."""
-        return left * right
-
     def divide(self, left: acb, right: acb) -> acb:
         """Return left / right."""
         return left / right
-
-    def negate(self, operand: acb) -> acb:
-        """Return -operand."""
-        return -operand
 
     def power(self, base: acb, exponent: Fraction) -> acb:
         """Return base^exponent; with a fraction the principal branch."""

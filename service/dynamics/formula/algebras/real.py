@@ -6,6 +6,8 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.formula.algebra import OperatorAlgebra
+
 FloatArray = NDArray[np.float64]
 
 _FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
@@ -19,7 +21,7 @@ _FUNCTIONS: dict[str, Callable[[FloatArray], FloatArray]] = {
 }
 
 
-class QuietedRealAlgebra:
+class QuietedRealAlgebra(OperatorAlgebra[FloatArray]):
     """float64 arrays; NaN where undefined (also at poles). numpy's warnings must be off."""
 
     def constant(self, value: Fraction) -> FloatArray:
@@ -30,25 +32,9 @@ class QuietedRealAlgebra:
         """Return π."""
         return np.asarray(np.pi)
 
-    def add(self, left: FloatArray, right: FloatArray) -> FloatArray:
-        """Return left + right."""
-        return left + right
-
-    def subtract(self, left: FloatArray, right: FloatArray) -> FloatArray:
-        """Return left - right."""
-        return left - right
-
-    def multiply(self, left: FloatArray, right: FloatArray) -> FloatArray:
-        """Return left · right."""
-        return left * right
-
     def divide(self, left: FloatArray, right: FloatArray) -> FloatArray:
         """Return left / right, NaN where right is 0."""
         return left / np.where(right == 0.0, np.nan, right)
-
-    def negate(self, operand: FloatArray) -> FloatArray:
-        """Return -operand."""
-        return -operand
 
     def power(self, base: FloatArray, exponent: Fraction) -> FloatArray:
         """Return base^exponent; NaN for a negative base under a fraction and at poles."""

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from fractions import Fraction
 
+from service.dynamics.formula.algebra import OperatorAlgebra
 from service.dynamics.formula.algebras.real import nearest_double
 
 
@@ -22,7 +23,7 @@ FUNCTIONS: dict[str, Callable[[float], float]] = {
 }
 
 
-class ScalarAlgebra:
+class ScalarAlgebra(OperatorAlgebra[float]):
     """Python floats; NaN where undefined, ±inf on overflow, as in RealAlgebra."""
 
     def constant(self, value: Fraction) -> float:
@@ -33,25 +34,9 @@ class ScalarAlgebra:
         """Return π."""
         return math.pi
 
-    def add(self, left: float, right: float) -> float:
-        """Return left + right."""
-        return left + right
-
-    def subtract(self, left: float, right: float) -> float:
-        """Return left - right."""
-        return left - right
-
-    def multiply(self, left: float, right: float) -> float:
-        """Return left · right."""
-        return left * right
-
     def divide(self, left: float, right: float) -> float:
         """Return left / right, NaN where right is 0."""
         return left / right if right else math.nan
-
-    def negate(self, operand: float) -> float:
-        """Return -operand."""
-        return -operand
 
     def power(self, base: float, exponent: Fraction) -> float:
         """Return base^exponent; NaN for a negative base under a fraction and at poles."""

@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import sympy
 
+from service.dynamics.formula.algebra import OperatorAlgebra
 from service.dynamics.formula.tape import Tape
 
 _FUNCTIONS: dict[str, Callable[[sympy.Expr], sympy.Expr]] = {
@@ -18,7 +19,7 @@ _FUNCTIONS: dict[str, Callable[[sympy.Expr], sympy.Expr]] = {
 }
 
 
-class SymbolicAlgebra:
+class SymbolicAlgebra(OperatorAlgebra[sympy.Expr]):
     """SymPy expressions with exact rational constants."""
 
     def constant(self, value: Fraction) -> sympy.Expr:
@@ -29,25 +30,9 @@ class SymbolicAlgebra:
         """Return π."""
         return sympy.pi
 
-    def add(self, left: sympy.Expr, right: sympy.Expr) -> sympy.Expr:
-        """Return left + right."""
-        return left + right
-
-    def subtract(self, left: sympy.Expr, right: sympy.Expr) -> sympy.Expr:
-        """Return left - right."""
-        return left - right
-
-    def multiply(self, left: sympy.Expr, right: sympy.Expr) -> sympy.Expr:
-        """Return left · right."""
-        return left * right
-
     def divide(self, left: sympy.Expr, right: sympy.Expr) -> sympy.Expr:
         """Return left / right."""
         return left / right
-
-    def negate(self, operand: sympy.Expr) -> sympy.Expr:
-        """Return -operand."""
-        return -operand
 
     def power(self, base: sympy.Expr, exponent: Fraction) -> sympy.Expr:
         """Return base^exponent, SymPy's principal branch."""
