@@ -6,26 +6,23 @@ Motions of the certified tier, and those that fall back on it, are sampled from 
 import json
 import logging
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
-from math import inf, isfinite, nextafter, ulp
+from math import isfinite
 
 import numpy as np
-from flint import arb, ctx
 from numpy.typing import NDArray
 
-from service.dynamics.accuracy import TIER_TOLERANCES, GroupError
-from service.dynamics.bounds import is_within, largest
-from service.dynamics.equations.orientation import QUATERNION, orientation_columns
-from service.dynamics.errors import BudgetTooSmallError, DynamicsError, MissingMomentError
+from service.dynamics.accuracy import TIER_TOLERANCES
+from service.dynamics.bounds import is_within
+from service.dynamics.equations.orientation import orientation_columns
+from service.dynamics.errors import BudgetTooSmallError, DynamicsError
 from service.dynamics.motion import COLUMNS, CrossCheck, Motion, columns_of
-from service.dynamics.problem import Accuracy, PlanarMotion, Problem, StateMotion, TimePeriods
+from service.dynamics.problem import Accuracy, PlanarMotion, Problem, StateMotion
 from service.dynamics.reduction.windows import hand_on_windows
-from service.dynamics.sampling import exact_instants
-from service.dynamics.solution.ball_columns import JOIN_BITS, RADIUS, parts_for, split
-from service.dynamics.solution.dense_output import DenseOutput, Period
+from service.dynamics.solution.ball_columns import parts_for, split
+from service.dynamics.solution.dense_output import DenseOutput
 from service.dynamics.verdict.simple_form import simplified
 from service.jobs.kernels import NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
@@ -48,17 +45,24 @@ from workers.computation.compiled_code import (
     keep_compiled_code,
     way_for,
 )
+from workers.computation.enclosures import (
+    columns_of_enclosures,
+    enclosed_motion,
+    errors_of_enclosed,
+    with_attitude,
+    with_period_known,
+    with_samples,
+    with_tolerance_kept,
+)
 from workers.computation.outputs import InUnits, compute_outputs, errors_of, in_units, require_promise
 from workers.computation.summary import has_proven_attitude, summarise
 from workers.solvers.certified.certify import Certified
 from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.certified.validated.enclose import Watch
 from workers.solvers.certified.validated.motion import prove_motion
-from workers.solvers.choose import choose_enclosures, enclose, find_motion, proven_start
+from workers.solvers.choose import choose_enclosures, find_motion, proven_start
 from workers.solvers.cross_check import compare
-from workers.solvers.errors import AccuracyNotMetError, is_known, require_error_within, require_period_known
-from workers.solvers.evidence import with_samples_raised
-from workers.solvers.orientation.proven import with_proven_attitude
+from workers.solvers.errors import AccuracyNotMetError, require_error_within, require_period_known
 from workers.solvers.units import Units
 from workers.solvers.ways import NotReadyError, Way, on_way
 
@@ -188,32 +192,13 @@ def _solve_in(
     attitude = None if outputs.orientation is None else outputs.orientation.dense
     errors = errors_of(motion, attitude)
     if has_proven_attitude(certified):
-        errors |= _errors_of_enclosed(enclosures, errors)
+        errors |= errors_of_enclosed(enclosures, errors)
     require_promise(problem.accuracy, errors)
     summary = summarise(document, problem, motion, outputs, certified, errors)
     dense = motion.dense if attitude is None else attitude
     columns = _columns(problem, motion, dense)
     columns |= {name: part for name, part in enclosures.items() if name.partition(".")[0] in columns}
     return summary, dense, columns
-
-
-def _errors_of_enclosed(
-    enclosures: Mapping[str, FloatArray], errors: Mapping[str, GroupError]
-) -> dict[str, GroupError]:
-    """Return the errors of the samples of a proven attitude, which are the first parts of its enclosures."""
-    found = dict[str, GroupError]()
-    for group, names in {"quaternion": QUATERNION, "psi1": ("psi1",), "psi3": ("psi3",)}.items():
-        if group not in errors or not all(name in enclosures for name in names):
-            continue
-        # What a double leaves out, and half a unit of the decimal it is written as.
-        bounds = [
-            sum((np.abs(rows) for name, rows in enclosures.items() if name.startswith(f"{own}.")), 0.0)
-            + 0.5 * np.spacing(np.abs(enclosures[own]))
-            for own in names
-        ]
-        absolute = nextafter(float(np.max(bounds, initial=0.0)), inf)
-        found[group] = replace(errors[group], absolute=absolute)
-    return found
 
 
 def _refused(document: object, fault: DynamicsError) -> Refused:
@@ -383,8 +368,8 @@ def certified_samples(
     else:
         motion = solve(problem)
         if motion.aperiodic is None:
-            enclosed = _with_attitude(problem, motion, _certify(problem, motion))
-            motion = _with_period_known(motion, enclosed, TIER_TOLERANCES["standard"])
+            enclosed = with_attitude(problem, motion, enclosed_motion(problem, motion))
+            motion = with_period_known(motion, enclosed, TIER_TOLERANCES["standard"])
         else:
             # What the reduction tells of it stays.
             stepped, enclosed = prove_motion(problem, *proven_start(problem), watch=watch)
@@ -399,126 +384,5 @@ def certified_samples(
     parts = parts_for(problem.accuracy.bits)
     rows = [[split(ball, parts) for ball in state] for state in enclosed.states]
     first = np.array([[doubles[0] for doubles, _ in row[: len(COLUMNS)]] for row in rows])
-    proven = replace(_with_samples(problem, motion, enclosed, first), conventions=enclosed.conventions)
-    return (
-        proven,
-        enclosed,
-        {**_enclosed_columns(enclosed.columns, rows, parts), **_times(enclosed, motion, parts)},
-    )
-
-
-def _with_attitude(problem: Problem, motion: Motion, enclosed: Certified) -> Certified:
-    """Return the enclosures of a planar motion with its attitude if that is asked for and can be proven."""
-    if "orientation" not in problem.outputs or motion.window is None:
-        return enclosed
-    goes_round = motion.window.arcs[0].is_whole_loop
-    with suppress(CertifiedUnavailableError, MissingMomentError):
-        return with_proven_attitude(problem, *proven_start(problem), enclosed, goes_round=goes_round)
-    return enclosed
-
-
-def with_tolerance_kept(problem: Problem, motion: Motion) -> Motion:
-    """Return ``motion``; if its samples or its period are worse than the tolerance, with rounded enclosures.
-
-    Its function of time is unchanged and has its own error.
-
-    Raises
-    ------
-    AccuracyNotMetError
-        There is no enclosure of this kind of motion, or its rounding to doubles is worse as well;
-        of the period it is a PeriodNotKnownError.
-    """
-    if is_within(motion.error, problem.tolerance) and is_known(motion.dense.period, problem.tolerance):
-        return motion
-    try:
-        enclosed = _certify(problem, motion)
-    except CertifiedUnavailableError:
-        require_period_known(motion.dense.period, problem.tolerance)
-        raise AccuracyNotMetError(motion.error, problem.tolerance) from None
-    motion = _with_period_known(motion, enclosed, problem.tolerance)
-    rounded = np.array([[float(ball.mid()) for ball in state] for state in enclosed.states])
-    proven = _with_samples(problem, motion, enclosed, rounded)
-    if not is_within(proven.error, problem.tolerance):
-        raise AccuracyNotMetError(min(motion.error, proven.error), problem.tolerance)
-    return replace(proven, enclosed_by=enclosed.method)
-
-
-def _with_period_known(motion: Motion, enclosed: Certified, tolerance: float) -> Motion:
-    """Return ``motion`` with the enclosed period and times if its period is not known to this tolerance.
-
-    Raises
-    ------
-    PeriodNotKnownError
-        Its rounding to doubles is worse as well.
-    """
-    if is_known(motion.dense.period, tolerance):
-        return motion
-    # The function of time is one of wrong times: no two values of a variable differ by more than this.
-    wrong = 2.0 * float(np.abs(motion.dense.coefficients).sum(axis=1).max(initial=0.0))
-    assert enclosed.period is not None
-    dense = replace(motion.dense, period=Period.of(enclosed.period), error=motion.dense.error + wrong)
-    require_period_known(dense.period, tolerance)
-    # Parts of the period that were asked for are later, or sooner.
-    times = np.array([float(at) for at in enclosed.times])
-    left = np.array([float(at - arb(t)) for at, t in zip(enclosed.times, times.tolist(), strict=True)])
-    return replace(motion, dense=dense, times=times, low_parts=left)
-
-
-def _certify(problem: Problem, motion: Motion) -> Certified:
-    period = motion.dense.period
-    return enclose(
-        problem.body,
-        problem.potential,
-        problem.motion,
-        # Without any function of time there are no samples.
-        exact_instants(problem.time) if len(motion.times) else [],
-        problem.accuracy.bits,
-        methods=choose_enclosures(problem).asked,
-        about_a_period=period.hi if period is not None and isinstance(problem.time, TimePeriods) else None,
-    )
-
-
-def _with_samples(problem: Problem, motion: Motion, enclosed: Certified, samples: FloatArray) -> Motion:
-    """Return ``motion`` with ``samples``, and how far these are from the truth, or from its integrals."""
-    error = largest(
-        (
-            _error(ball, double)
-            for state, row in zip(enclosed.states, samples.tolist(), strict=True)
-            for ball, double in zip(state[: len(COLUMNS)], row, strict=True)
-        ),
-    )
-    proven = replace(motion, samples=samples.reshape(-1, len(COLUMNS)), error=error, samples_kind="theorem")
-    if enclosed.method == "steps":
-        return proven
-    return with_samples_raised(problem.body, problem.potential, proven)
-
-
-def _enclosed_columns(
-    names: tuple[str, ...], rows: list[list[tuple[list[float], float]]], parts: int
-) -> dict[str, FloatArray]:
-    """Return the further parts and the radii; of the attitude the first parts too, which no motion has."""
-    columns: dict[str, FloatArray] = {}
-    for index, internal in enumerate(names):
-        name = internal.removeprefix("local_")
-        if index >= len(COLUMNS):
-            columns[name] = np.array([row[index][0][0] for row in rows])
-        for part in range(1, parts):
-            columns[f"{name}.{part}"] = np.array([row[index][0][part] for row in rows])
-        columns[f"{name}.{RADIUS}"] = np.array([row[index][1] for row in rows])
-    return columns
-
-
-def _times(enclosed: Certified, motion: Motion, parts: int) -> dict[str, FloatArray]:
-    """Return what the doubles leave of the exact times, as columns that go with ``t``; none if nothing."""
-    with ctx.workprec(JOIN_BITS):
-        left = [at - arb(t) for at, t in zip(enclosed.times, motion.times.tolist(), strict=True)]
-    if all(ball == 0 for ball in left):
-        return {}
-    rows = [split(ball, parts - 1) for ball in left]
-    columns = {f"t.{part}": np.array([doubles[part - 1] for doubles, _ in rows]) for part in range(1, parts)}
-    return {**columns, f"t.{RADIUS}": np.array([radius for _, radius in rows])}
-
-
-def _error(ball: arb, double: float) -> float:
-    """Return a bound of the distance of the decimal that ``double`` is written as from the true number."""
-    return nextafter(float(abs(ball - arb(double)).abs_upper()) + 0.5 * ulp(double), inf)
+    proven = replace(with_samples(problem, motion, enclosed, first), conventions=enclosed.conventions)
+    return proven, enclosed, columns_of_enclosures(enclosed, motion, rows, parts)
