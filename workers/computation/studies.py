@@ -18,6 +18,7 @@ from flint import arb, ctx
 
 from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.parts import AtlasPart, LambdaRange
+from service.dynamics.discovery.outcomes import Tell, part_of, steps_of, untold
 from service.dynamics.discovery.potential_search import ratios_that_admit
 from service.dynamics.errors import DynamicsError
 from service.dynamics.exact import exact_number
@@ -44,7 +45,7 @@ from workers.computation.compiled_code import way_for
 from workers.computation.compute import solve_document
 from workers.solvers.searches.family import ProblemFamily, Slot
 from workers.solvers.searches.search import BITS, FamilySearch, FoundNumbers, SearchResult, Target, search
-from workers.solvers.searches.structure import Box, stretches
+from workers.solvers.searches.structure import Box, share_of, stretches
 
 PROCESSOR_SECONDS, SECONDS = 60.0, 120.0
 """After either limit what is not settled is undecided."""
@@ -63,21 +64,21 @@ _AFFINE = ("gravity", "rational", "homogeneous")
 """Families of potentials that are sums of terms, each with a coefficient that is a number of the document."""
 
 
-def study_document(document_json: str) -> JobResult | Refused:
-    """Answer the document of a job: a question with ``what``."""
+def study_document(document_json: str, tell: Tell = untold) -> JobResult | Refused:
+    """Answer the document of a job: a question with ``what``; ``tell`` is told how far it is."""
     document: Part = json.loads(document_json)
     if document["what"] in QUESTIONS:
-        answer: Part = json.loads(examine_study_of_job(document_json))
+        answer: Part = json.loads(examine_study_of_job(document_json, tell))
         base = ""
     else:
-        answer, base = answer_or_refusal(document, _numbers), "/base"
+        answer, base = answer_or_refusal(document, partial(_numbers, tell=tell)), "/base"
     if "error" in answer:
         return Refused({**answer["error"], "pointer": f"{base}{answer['error']['pointer']}"})
     return JobResult(encode_document(answer["verdict"]))
 
 
-def _numbers(document: Part) -> Document:
-    """Answer a search of numbers, or refuse it."""
+def _numbers(document: Part, tell: Tell) -> Document:
+    """Answer a search of numbers, or refuse it; ``tell`` is told the share of the box that is settled."""
     asked = trusted_search(document)
     problem = asked.problem_at([each.middle for each in asked.unknowns])
     verdict = decide(problem.body, problem.potential)
@@ -90,21 +91,25 @@ def _numbers(document: Part) -> Document:
     family = family_of(asked, problem)
     wanted = [Target(each.of, partial(_number, each.equals)) for each in asked.wanted if each.of != "trace"]
     if family is None or len(wanted) < len(asked.wanted):
-        return _answer(asked, _seen_solutions(asked, is_late), [whole], "possible")
+        return _answer(asked, _seen_solutions(asked, is_late, tell), [whole], "possible")
     wanted.sort(key=lambda each: each.of == "period")
     coefficients = _coefficients(asked, problem, verdict)
     has_known_form = coefficients is not None and "A" not in _names(asked).values()
     is_even = has_known_form and all(map(is_even_in_g2, coefficients or ()))
-    question = FamilySearch(family, asked.problem_at, wanted, is_late, is_even=is_even)
+    question = FamilySearch(family, asked.problem_at, wanted, is_late, is_even=is_even, tell=tell)
     if coefficients is None:
         return _answer(asked, search(question, whole).solutions, [whole], "possible")
     is_along_lambda = [each.path for each in asked.unknowns] == [_LAMBDA]
     parts = _parts(problem, whole[0], is_late) if is_along_lambda else _stretches(question, whole)
     solutions, undecided = list[FoundNumbers](), list[Box]()
+    settled = 0.0
     for part, windows in parts:
-        found = SearchResult((), (part,))
+        found, share = SearchResult((), (part,)), share_of(part, whole)
         if windows is not None or not is_along_lambda:
-            found = search(replace(question, windows=windows), part)
+            inside = part_of(tell, settled, share)
+            found = search(replace(question, windows=windows, tell=inside), part)
+        settled += share
+        tell(settled)
         undecided += [part] if windows is None else found.undecided
         solutions += [each for each in found.solutions if not any(map(each.is_same, solutions))]
     return _answer(asked, solutions, undecided, "proved")
@@ -271,8 +276,11 @@ def _admits_every_ratio(base: Part) -> bool:
         return False
 
 
-def _seen_solutions(asked: Search, is_late: Callable[[], bool]) -> list[FoundNumbers]:
-    """Return the solutions that doubles show along one unknown: where what is wanted passes its value."""
+def _seen_solutions(asked: Search, is_late: Callable[[], bool], tell: Tell) -> list[FoundNumbers]:
+    """Return the solutions that doubles show along one unknown: where what is wanted passes its value.
+
+    ``tell`` is told the share of windows and intervals between samples that were looked at.
+    """
     if len(asked.unknowns) > 1:
         return []
     (unknown,), (wanted,) = asked.unknowns, asked.wanted
@@ -280,13 +288,15 @@ def _seen_solutions(asked: Search, is_late: Callable[[], bool]) -> list[FoundNum
     span = unknown.upper - unknown.lower
     places = [unknown.lower + span * k / (SAMPLES - 1) for k in range(SAMPLES)]
     found = list[FoundNumbers]()
-    for window in range(max(_count_windows(asked, place) for place in places[:: SAMPLES // 8])):
+    windows = max(_count_windows(asked, place) for place in places[:: SAMPLES // 8])
+    for window in range(windows):
 
         def missed(at: Fraction, window: int = window) -> float:
             return nan if is_late() else _value_at(asked, at, window, wanted.of) - target
 
         values = [missed(place) for place in places]
-        for (low, high), (one, two) in zip(pairwise(places), pairwise(values), strict=True):
+        spans = list(zip(pairwise(places), pairwise(values), strict=True))
+        for (low, high), (one, two) in steps_of(spans, part_of(tell, window / windows, 1 / windows)):
             if one * two <= 0.0:
                 ends = _narrowed(missed, (low, one), (high, two))
                 if ends is not None:

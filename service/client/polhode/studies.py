@@ -164,7 +164,7 @@ def _answer(carrier: CarrierT, what: str, document: Document, seconds: float | N
     found: Document = json.loads(reply.content)
     if reply.status != _ACCEPTED:
         return found
-    job = yield from follow(terms, f"/v1/jobs/{found['id']}", found, seconds=seconds)
+    job = yield from follow(terms, f"/v1/jobs/{found['id']}", found, seconds=seconds, what="% of the answer")
     if job.get("state") != "succeeded":
         raise FailedError(job)
     return fields(job["result"])

@@ -12,6 +12,7 @@ from typing import Literal
 
 from flint import arb, ctx
 
+from service.dynamics.discovery.outcomes import Tell, untold
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import PlanarMotion, Problem, Start, StartAtEquator, StartAtPoint
@@ -35,7 +36,7 @@ from workers.solvers.searches.model import (
     period_model,
     precession_model,
 )
-from workers.solvers.searches.structure import Box, halves, joined
+from workers.solvers.searches.structure import Box, halves, joined, share_of
 
 Of = Literal["period", "energy", "precession.psi1", "precession.psi3"]
 
@@ -94,6 +95,8 @@ class FamilySearch:
     """The number of windows on the whole box, where that is proved."""
     is_even: bool = True
     """V is even in g2 for all numbers, or for none that are met: mirror images are one window."""
+    tell: Tell = untold
+    """Is told the share of the box that is settled, or given up."""
 
     @property
     def needs_period(self) -> bool:
@@ -130,16 +133,18 @@ class _Search:
         self._undecided: list[Box] = []
 
     def found(self) -> SearchResult:
-        waiting = [self._whole]
+        waiting, done = [self._whole], 0.0
         while waiting:
             box = waiting.pop()
             if self._question.is_late():
                 self._undecided.append(box)
             elif not self._is_settled(box):
-                if self._is_narrow(box):
-                    self._undecided.append(box)
-                else:
+                if not self._is_narrow(box):
                     waiting += halves(box, self._whole)
+                    continue
+                self._undecided.append(box)
+            done += share_of(box, self._whole)
+            self._question.tell(done)
         ordered = sorted(self._solutions, key=lambda each: float(each.values[0].mid()))
         return SearchResult(tuple(ordered), tuple(joined(self._undecided)))
 

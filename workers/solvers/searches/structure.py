@@ -7,6 +7,7 @@ V may grow without bound: there N is bounded by intervals, whose powers of sin v
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from math import prod
 
 import numpy as np
 from flint import acb, arb
@@ -27,6 +28,12 @@ CELLS, MOST_CELLS = (16, 64), 2048
 DEEPEST = {1: 18, 2: 10}
 """Number of times that a box of one or two unknowns is cut to find where its windows stay."""
 _ONE = Fraction(1)
+
+
+def share_of(box: Box, whole: Box) -> float:
+    """Return the volume of a box in parts of the whole."""
+    sides = ((high - low) / (top - bottom) for (low, high), (bottom, top) in zip(box, whole, strict=True))
+    return float(prod(sides))
 
 
 def halves(box: Box, whole: Box) -> list[Box]:

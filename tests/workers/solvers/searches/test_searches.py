@@ -21,14 +21,14 @@ PERIOD = "6.432310535121612579869958267408499"
 """T for a = −1, C = 1, λ = 1, to 33 digits (theory 2.4)."""
 
 
-def found(base, unknowns, wanted):
+def found(base, unknowns, wanted, tell=bool):
     asked = {
         "base": base,
         "unknowns": [{"pointer": pointer, "interval": list(ends)} for pointer, ends in unknowns.items()],
         "wanted": [{"of": of, "equals": equals} for of, equals in wanted.items()],
     }
     read_search(asked)
-    return decode_document(study_document(json.dumps({"what": "numbers", **asked})).data)
+    return decode_document(study_document(json.dumps({"what": "numbers", **asked}), tell).data)
 
 
 def only_one(answer, **expected):
@@ -51,7 +51,13 @@ def test_a_parameter_with_a_given_period_is_enclosed():
 
 
 def test_lambda_with_a_given_period_is_enclosed_and_the_rest_is_empty():
-    answer = found(SWINGING, {"/motion/lambda": ("49/50", "51/50")}, {"period": "6.34007793723281"})
+    told = []
+    answer = found(
+        SWINGING, {"/motion/lambda": ("49/50", "51/50")}, {"period": "6.34007793723281"}, told.append
+    )
+    # The share of the interval that is settled.
+    assert told == sorted(told)
+    assert (told[0] > 0.0, told[-1]) == (True, pytest.approx(1.0))
     # The 15 digits are those of theory 1.6; dT/dλ = −1.6.
     only_one(answer, **{"lambda": (1, Fraction(1, 10**14))})
     assert (answer["rest"], answer["undecided"]) == ("proved_empty", [])
