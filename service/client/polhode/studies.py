@@ -56,7 +56,7 @@ class Hit:
     window
         The number of the window of the motion.
     is_proved
-        Within the errors there is exactly one solution; else doubles show one.
+        Within the errors there is a solution, and no other unless a trace is wanted; else doubles show one.
     """
 
     values: Mapping[str, Quantity]

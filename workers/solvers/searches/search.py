@@ -36,7 +36,14 @@ from workers.solvers.searches.model import (
     period_model,
     precession_model,
 )
-from workers.solvers.searches.structure import Box, halves, joined, share_of
+from workers.solvers.searches.structure import (
+    Box,
+    halves,
+    is_analytic_at_poles,
+    joined,
+    share_of,
+    windows_stay,
+)
 
 Of = Literal["period", "energy", "precession.psi1", "precession.psi3"]
 
@@ -64,10 +71,12 @@ class Target:
 
 @dataclass(frozen=True, slots=True)
 class FoundNumbers:
-    """Enclosures of the unknowns, among which there is exactly one solution of this window."""
+    """Enclosures of the unknowns, among which there is a solution of this window, and how that is known."""
 
     values: tuple[arb, ...]
     window: int
+    proof: Literal["proved", "possible"] = "proved"
+    """A solution that a search of boxes has proved is the only one among them."""
 
     def is_same(self, other: "FoundNumbers") -> bool:
         """Whether both enclose one solution: that of boxes side by side."""
@@ -118,6 +127,29 @@ class FamilySearch:
         except NoMotionError:
             found = ()
         return [(each, arc) for each in found for arc in (each.arcs[:1] if self.is_even else each.arcs)]
+
+    def motions_stay(self, box: Box) -> bool:
+        """Whether the motions at both ends of an interval are proved to go over into each other.
+
+        Each window stays then, with its number, and V is analytic wherever its motion goes: what depends on
+        the motion and on derivatives of V is continuous.
+        """
+        with ctx.workprec(BITS):
+            if not windows_stay(self.family, box):
+                return False
+            try:
+                ends = [self.arcs_at(end) for end in zip(*box, strict=True)]
+            except DynamicsError:
+                return False
+            # Windows neither meet nor pass a pole, so that their order along the curve stays: their numbers,
+            # which go by the largest |g1|, need not.
+            first, last = ([window.index for window, _ in sorted(end, key=_place)] for end in ends)
+            goes_round = any(arc.is_whole_loop or passes_pole(arc) for _, arc in ends[0])
+            return first == last and (not goes_round or is_analytic_at_poles(self.family, box))
+
+
+def _place(found: tuple[ReducedWindow, Arc]) -> float:
+    return float(found[1].lower.mid())
 
 
 def search(question: FamilySearch, whole: Box) -> SearchResult:
