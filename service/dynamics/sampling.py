@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.errors import DynamicsError
-from service.dynamics.problem import TimeList, TimePeriods, Times
+from service.dynamics.problem import TimeList, TimePeriods, Times, TimeSpan
 from service.dynamics.solution.dense_output import Period, rest_of_product, split_double, two_product
 
 FloatArray = NDArray[np.float64]
@@ -109,9 +109,8 @@ def exact_instants(times: Times) -> list[Fraction]:
     return [Fraction(first + step * k, whole) for k in range(times.samples)]
 
 
-def _progression(times: Times) -> tuple[int, int, int]:
+def _progression(times: TimeSpan | TimePeriods) -> tuple[int, int, int]:
     """Return integers (first, step, whole): the k-th of equidistant times is (first + step k)/whole."""
-    assert not isinstance(times, TimeList)
     start, stop = (
         (Fraction(0), times.periods) if isinstance(times, TimePeriods) else (times.start, times.stop)
     )

@@ -131,7 +131,6 @@ def _has_same_arrays(one: bytes, other: bytes) -> bool:
 def _changed_provenance(stored: StoredSolution, again: Solved) -> list[str]:
     """Return what of the provenance differs; older solutions that tell no processor are of another one."""
     before, now = stored.summary.get("provenance"), again.summary["provenance"]
-    assert isinstance(now, Mapping)
     # Before it was told, there was one way.
     known = {"way": "compiled", **before} if isinstance(before, Mapping) else {}
     return [name for name, value in now.items() if known.get(name) != value]

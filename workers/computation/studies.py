@@ -133,8 +133,7 @@ def _parts(
     problem: Problem, ends: tuple[Fraction, Fraction], is_late: Callable[[], bool]
 ) -> list[tuple[Box, int | None]]:
     """Return the parts of a range of λ with the number of their windows; None where that is not proved."""
-    motion = problem.motion
-    assert isinstance(motion, PlanarMotion)
+    motion = problem.motion_as(PlanarMotion)
     over = LambdaRange(*ends, motion.sign_of_g1, motion.g3_sign)
     atlas = make_atlas(problem.body, problem.potential, over, ATLAS_SAMPLES, is_late, has_periods=False)
     found: list[tuple[Box, int | None]] = []
@@ -166,8 +165,7 @@ def _inner(end: arb, ends: tuple[Fraction, Fraction], *, up: bool) -> Fraction:
 
 def family_of(asked: Search, problem: Problem) -> ProblemFamily | None:
     """Return the family of problems of a search; None if the potential has no formula in its unknowns."""
-    motion, body = problem.motion, problem.body
-    assert isinstance(motion, PlanarMotion)
+    motion, body = problem.motion_as(PlanarMotion), problem.body
     tree = _tree_of(asked, problem)
     if tree is None:
         return None
@@ -213,7 +211,7 @@ def _tree_of(asked: Search, problem: Problem) -> Tree | None:
     if document["type"] == "expression":
         body = problem.body
         numbers = {"A": body.A, "C": body.C, **({} if body.B is None else {"B": body.B})}
-        numbers |= {name: exact_of(value) for name, value in document.get("parameters", {}).items()}
+        numbers |= {name: exact_number(value) for name, value in document.get("parameters", {}).items()}
         known = {name: value for name, value in numbers.items() if name not in names.values()}
         tree = parse(document["expression"])
         return bind(tree, known, variables=(*VARIABLES, *names.values()))
@@ -231,12 +229,6 @@ def _tree_of(asked: Search, problem: Problem) -> Tree | None:
         )
         total = Binary("+", total, Binary("*", share, Binary("-", other, start)))
     return total
-
-
-def exact_of(value: object) -> Fraction:
-    """Return the exact value of a number in a valid document."""
-    assert isinstance(value, int | float | str)
-    return exact_number(value)
 
 
 def _coefficients(asked: Search, problem: Problem, verdict: Verdict) -> Sequence[Potential] | None:
@@ -263,10 +255,10 @@ def _coefficients(asked: Search, problem: Problem, verdict: Verdict) -> Sequence
 def _admits_every_ratio(base: Part) -> bool:
     """Tell whether a potential, a formula with moments in it, is admissible for every A."""
     body, potential = base["body"], base["potential"]
-    B = None if body.get("B") is None else exact_of(body["B"])
-    parameters = {name: exact_of(value) for name, value in (potential.get("parameters") or {}).items()}
+    B = None if body.get("B") is None else exact_number(body["B"])
+    parameters = {name: exact_number(value) for name, value in (potential.get("parameters") or {}).items()}
     try:
-        return ratios_that_admit(potential["expression"], parameters, B=B, C=exact_of(body["C"])).all
+        return ratios_that_admit(potential["expression"], parameters, B=B, C=exact_number(body["C"])).all
     except DynamicsError:
         return False
 
@@ -296,9 +288,8 @@ def _seen_solutions(asked: Search, is_late: Callable[[], bool]) -> list[FoundNum
 
 def _count_windows(asked: Search, at: Fraction) -> int:
     problem = asked.problem_at([at])
-    assert isinstance(problem.motion, PlanarMotion)
     try:
-        return len(find_windows(problem.body, problem.potential, problem.motion))
+        return len(find_windows(problem.body, problem.potential, problem.motion_as(PlanarMotion)))
     except DynamicsError:
         return 0
 

@@ -70,15 +70,17 @@ class WayFamily:
         PrecisionLostError
             More bits are needed.
         """
-        motion = problem.motion
-        assert isinstance(place, PeriodicPlace)
-        assert isinstance(motion, PlanarMotion)
+        if not isinstance(place, PeriodicPlace):
+            return NOT_MINE
+        motion = problem.motion_as(PlanarMotion)
         times = [LATEST] if isinstance(problem.time, TimePeriods) else exact_instants(problem.time)
         precision, bits = first_try(problem.accuracy.bits, max((abs(t) for t in times), default=Fraction(0)))
         with ctx.workprec(precision + ctx.prec - REDUCTION_BITS):
             try:
                 way = way_from(problem.body, problem.potential, motion, place.start, bits)
-                sampled = None if not isinstance(way.phase, PolarWay) else _sampled(way, way.phase)
+                sampled = None
+                if isinstance(way.phase, PolarWay) and isinstance(model := way.model, TimeModel):
+                    sampled = _sampled(way, way.phase, model)
             except CertifiedUnavailableError:
                 sampled = None
             except PrecisionNeededError as error:
@@ -88,9 +90,7 @@ class WayFamily:
         return make_periodic(problem, place, sampled)
 
 
-def _sampled(way: IntegralMotion, phase: PolarWay) -> Sampled:
-    model = way.model
-    assert isinstance(model, TimeModel)
+def _sampled(way: IntegralMotion, phase: PolarWay, model: TimeModel) -> Sampled:
     time_map, states, departure = _in_doubles(model, phase)
     sides = _sides(model, phase)
     turns = (way.origin / model.period).mid().floor()

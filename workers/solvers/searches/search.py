@@ -109,9 +109,8 @@ class FamilySearch:
             They are not settled.
         """
         problem = self.problem_at(at)
-        assert isinstance(problem.motion, PlanarMotion)
         try:
-            found = find_windows(problem.body, problem.potential, problem.motion)
+            found = find_windows(problem.body, problem.potential, problem.motion_as(PlanarMotion))
         except NoMotionError:
             found = ()
         return [(each, arc) for each in found for arc in (each.arcs[:1] if self.is_even else each.arcs)]
@@ -185,8 +184,7 @@ class _Search:
 
     def _motion_at(self, arc: Arc, at: Numbers, ends: tuple[arb, arb], bits: int) -> IntegralMotion:
         problem = self._question.problem_at(at)
-        assert isinstance(problem.motion, PlanarMotion)
-        loop = make_loop(problem.body, problem.potential, problem.motion)
+        loop = make_loop(problem.body, problem.potential, problem.motion_as(PlanarMotion))
         here = replace(arc, loop=loop, lower=ends[0].mid(), upper=ends[1].mid())
         # The period is the same from every start.
         return integral_motion(StartingPoint(here, here.lower, 0), bits)
@@ -196,8 +194,7 @@ class _Search:
         model = precession_model(family, window, centre, radii)
         if window.ends is not None:
             return model
-        motion = self._question.problem_at(centre).motion
-        assert isinstance(motion, PlanarMotion)
+        motion = self._question.problem_at(centre).motion_as(PlanarMotion)
         sense = motion.sign_of_g1 * motion.g3_sign * (1 if motion.start is None else _s_sign(motion.start))
         # ψ1 gains the advance and ψ3 loses the rest of a turn; the mirror to A < C exchanges the axes.
         if (of == "precession.psi1") != family.mirrored:
