@@ -19,7 +19,7 @@ from service.dynamics.solution.dense_output import Period, rest_of_product, spli
 
 FloatArray = NDArray[np.float64]
 
-FEW_SAMPLES = 4096
+MAX_SAMPLES_CACHED = 4096
 """Largest number of samples for which the numbers of periods are cached."""
 _WHOLE_DOUBLES = 2**53
 """Every integer up to it is a double."""
@@ -74,7 +74,7 @@ _Turns = tuple[SampleTimes, FloatArray, FloatArray]
 
 def _turns(times: TimePeriods) -> _Turns:
     """Return the numbers of periods; lists and sweeps ask for the same ones with each problem."""
-    if times.samples <= FEW_SAMPLES:
+    if times.samples <= MAX_SAMPLES_CACHED:
         return _few_turns(times)
     found = _in_doubles(times)
     return found, *split_double(found.doubles)

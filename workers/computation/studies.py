@@ -43,7 +43,14 @@ from service.verdicts.studies import QUESTIONS, examine_study_of_job
 from workers.computation.compiled_code import way_for
 from workers.computation.compute import solve_document
 from workers.solvers.searches.family import ProblemFamily, Slot
-from workers.solvers.searches.search import BITS, FamilySearch, FoundNumbers, SearchResult, Target, search
+from workers.solvers.searches.search import (
+    SEARCH_BITS,
+    FamilySearch,
+    FoundNumbers,
+    SearchResult,
+    Target,
+    search,
+)
 from workers.solvers.searches.structure import Box, stretches
 
 PROCESSOR_SECONDS, SECONDS = 60.0, 120.0
@@ -113,7 +120,7 @@ def _numbers(document: Part) -> Document:
 def _stretches(question: FamilySearch, whole: Box) -> list[tuple[Box, int | None]]:
     """Return boxes with the number of their windows, those last for which it is not proved."""
     is_late = deadline(PROCESSOR_SECONDS * STRUCTURE_SHARE, SECONDS * STRUCTURE_SHARE)
-    with ctx.workprec(BITS):
+    with ctx.workprec(SEARCH_BITS):
         kept, rest = stretches(question.family, whole, is_late)
     counts: list[tuple[Box, int | None]] = [(box, None) for box in rest]
     for box in kept:

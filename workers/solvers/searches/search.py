@@ -26,7 +26,7 @@ from workers.solvers.certified.errors import PrecisionNeededError
 from workers.solvers.certified.orbit import passes_pole
 from workers.solvers.searches.family import ProblemFamily
 from workers.solvers.searches.model import (
-    COARSE,
+    COARSE_BITS,
     BoundedFunction,
     FamilyWindow,
     Numbers,
@@ -39,17 +39,17 @@ from workers.solvers.searches.structure import Box, halves, joined
 
 Of = Literal["period", "energy", "precession.psi1", "precession.psi3"]
 
-BITS = 96
+SEARCH_BITS = 96
 """Precision of the search; solutions are enclosed again at twice as many."""
-FINE = 80
+SOLUTION_BITS = 80
 """Bits of the values at a solution."""
-LARGEST_SHARE = Fraction(1, 2)
+MAX_HALF_BOX_SHARE = Fraction(1, 2)
 """Half a box is at most this share of the radius of the polydisc about its middle."""
-NARROWEST = Fraction(1, 2**34)
+MIN_BOX_SHARE = Fraction(1, 2**34)
 """A box of this share of the interval is not cut any more."""
-DEEPEST = 1024
+MAX_LEAVES_PER_SIDE = 1024
 """Leaves of a box are at least this part of it."""
-POLISHES = 6
+NEWTON_TRIES = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +118,7 @@ class FamilySearch:
 
 def search(question: FamilySearch, whole: Box) -> SearchResult:
     """Return the solutions in a box."""
-    with ctx.workprec(BITS):
+    with ctx.workprec(SEARCH_BITS):
         return _Search(question, whole).found()
 
 
@@ -144,14 +144,14 @@ class _Search:
 
     def _is_narrow(self, box: Box) -> bool:
         return all(
-            high - low <= NARROWEST * (top - bottom)
+            high - low <= MIN_BOX_SHARE * (top - bottom)
             for (low, high), (bottom, top) in zip(box, self._whole, strict=True)
         )
 
     def _is_settled(self, box: Box) -> bool:
         """Settle all windows of a box; False if it has to be cut first."""
         middle = [(low + high) / 2 for low, high in box]
-        radii = [(high - low) / 2 / LARGEST_SHARE for low, high in box]
+        radii = [(high - low) / 2 / MAX_HALF_BOX_SHARE for low, high in box]
         try:
             seen = self._windows(middle)
             models = [(window, self._models(window, arc, middle, radii)) for window, arc in seen]
@@ -210,7 +210,7 @@ class _Search:
         PrecisionNeededError
             The bounds are too rough for it: those of a smaller box are closer.
         """
-        smallest = [(high - low) / DEEPEST for low, high in box]
+        smallest = [(high - low) / MAX_LEAVES_PER_SIDE for low, high in box]
         waiting = [box]
         while waiting:
             leaf = waiting.pop()
@@ -222,7 +222,7 @@ class _Search:
             slopes = list[Slopes]()
             for model, condition in zip(models, self._question.conditions, strict=True):
                 # The first ones take least time.
-                slopes.append(model.slopes(middle, COARSE))
+                slopes.append(model.slopes(middle, COARSE_BITS))
                 if not slopes[-1].range_on(half).overlaps(condition.equals()):
                     break
             else:
@@ -257,10 +257,10 @@ class _Search:
 
     def _polished(self, models: Sequence[BoundedFunction], values: Sequence[arb]) -> tuple[arb, ...]:
         """Narrow a solution, of which there is one among these ``values``."""
-        with ctx.workprec(2 * BITS):
-            for _ in range(POLISHES):
+        with ctx.workprec(2 * SEARCH_BITS):
+            for _ in range(NEWTON_TRIES):
                 at = [exact_middle(x) for x in values]
-                slopes = [model.slopes(at, FINE) for model in models]
+                slopes = [model.slopes(at, SOLUTION_BITS) for model in models]
                 matrix = [each.gradient_on([x.rad() for x in values]) for each in slopes]
                 step = _solved(matrix, self._missed(slopes))
                 if step is None:

@@ -35,7 +35,7 @@ from workers.solvers.certified.validated.enclose import (
     enclose,
     rational_next_to,
 )
-from workers.solvers.certified.validated.step import UPWARDS, upper
+from workers.solvers.certified.validated.step import ROUND_UP, upper
 from workers.solvers.certified.validated.system import EulerPoisson, Recorded, record
 from workers.solvers.classical.curve import Curve
 from workers.solvers.classical.solve import place_motion
@@ -48,16 +48,16 @@ Origin = tuple[RigidBody, Start]
 
 FLOW_BITS = 40
 """Bits of the state along the way: the derivative of the flow is one of doubles."""
-SHORTER = 2
+STEP_DIVISOR = 2
 """So many times shorter are steps, for the derivative of the flow: else some motions leave no digit of it."""
-CLOSE_BITS = 128
+RETURN_BITS = 128
 """Bits of the state at the time at which it comes back."""
-TRIVIAL = 4
+TRIVIAL_MULTIPLIERS = 4
 """Number of multipliers that are 1."""
 NEWTON_TRIES = 6
-PERIOD_KNOWN = 1e-9
+PERIOD_RELATIVE_ERROR = 1e-9
 """Share of the period of a classical motion within which its quadrature is taken to know it."""
-LOOSEST = 2.0**-20
+MAX_TRACE_RELATIVE_RADIUS = 2.0**-20
 """Radius of a trace, relative to it where it is above 1, from which on nothing is told of it."""
 
 
@@ -87,7 +87,7 @@ def proven_turn(body: RigidBody, potential: Tape, start: Start, period: arb) -> 
     system = EulerPoisson(body, potential)
     recorded = record(system)
     time = rational_next_to(period)
-    found = enclose(system, start, [time], FLOW_BITS, shorter=SHORTER)
+    found = enclose(system, start, [time], FLOW_BITS, shorter=STEP_DIVISOR)
     trajectory = found.forward
     assert trajectory is not None
     with ctx.workprec(found.precision):
@@ -95,12 +95,12 @@ def proven_turn(body: RigidBody, potential: Tape, start: Start, period: arb) -> 
         matrix, lost = trajectory.flow(time)
         size = np.abs(matrix) + lost
         growth = _growth(recorded, found.states[0], late)
-        lost = UPWARDS * (lost + growth * np.ones_like(size) @ size)
+        lost = ROUND_UP * (lost + growth * np.ones_like(size) @ size)
         trace = sum(
             (arb(value, radius) for value, radius in zip(matrix.diagonal(), lost.diagonal(), strict=True)),
-            arb(-TRIVIAL),
+            arb(-TRIVIAL_MULTIPLIERS),
         )
-    if not trace.rad() < LOOSEST * abs(trace).max(arb(1)):
+    if not trace.rad() < MAX_TRACE_RELATIVE_RADIUS * abs(trace).max(arb(1)):
         raise CertifiedUnavailableError("its neighbours part too far in one period to tell its multipliers")
     return ProvenTurn(period, trace, matrix, *_on_the_way(trajectory, matrix))
 
@@ -135,7 +135,7 @@ def classical_stability(problem: Problem, origin: Origin) -> Stability:
     about = float(Curve.of(placed).period)
     body, start = origin
     try:
-        period = return_time(body, problem.potential.tape, start, about, PERIOD_KNOWN * about)
+        period = return_time(body, problem.potential.tape, start, about, PERIOD_RELATIVE_ERROR * about)
         turn = proven_turn(body, problem.potential.tape, start, period)
     except CertifiedUnavailableError as fault:
         text = f"its multipliers are not enclosed: {fault.message}"
@@ -159,7 +159,7 @@ def return_time(body: RigidBody, potential: Tape, start: Start, about: float, wi
     recorded = record(system)
     time, half = Fraction(about), Fraction(within)
     for _ in range(NEWTON_TRIES):
-        found = enclose(system, start, [time, time + half], CLOSE_BITS)
+        found = enclose(system, start, [time, time + half], RETURN_BITS)
         trajectory = found.forward
         assert trajectory is not None
         with ctx.workprec(found.precision):
@@ -172,7 +172,7 @@ def return_time(body: RigidBody, potential: Tape, start: Start, about: float, wi
             zero = ball(time) - (here[fastest] - first[fastest]) / rates[fastest]
             if not zero.overlaps(arb(ball(time), ball(half))):
                 break
-            if zero.rad() < arb(2) ** (8 - CLOSE_BITS) * abs(zero):
+            if zero.rad() < arb(2) ** (8 - RETURN_BITS) * abs(zero):
                 return zero
             time = rational_next_to(zero)
             half = Fraction(upper(zero.rad() * 2))
