@@ -45,7 +45,14 @@ from service.verdicts.studies import QUESTIONS, examine_study_of_job
 from workers.computation.compiled_code import way_for
 from workers.computation.compute import solve_document
 from workers.solvers.searches.family import ProblemFamily, Slot
-from workers.solvers.searches.search import BITS, FamilySearch, FoundNumbers, SearchResult, Target, search
+from workers.solvers.searches.search import (
+    SEARCH_BITS,
+    FamilySearch,
+    FoundNumbers,
+    SearchResult,
+    Target,
+    search,
+)
 from workers.solvers.searches.structure import Box, share_of, stretches
 
 PROCESSOR_SECONDS, SECONDS = 60.0, 120.0
@@ -125,7 +132,7 @@ def _numbers(document: Part, tell: Tell) -> Document:
 def _stretches(question: FamilySearch, whole: Box) -> list[tuple[Box, int | None]]:
     """Return boxes with the number of their windows, those last for which it is not proved."""
     is_late = deadline(PROCESSOR_SECONDS * STRUCTURE_SHARE, SECONDS * STRUCTURE_SHARE)
-    with ctx.workprec(BITS):
+    with ctx.workprec(SEARCH_BITS):
         kept, rest = stretches(question.family, whole, is_late)
     counts: list[tuple[Box, int | None]] = [(box, None) for box in rest]
     for box in kept:
@@ -145,8 +152,7 @@ def _parts(
     problem: Problem, ends: tuple[Fraction, Fraction], is_late: Callable[[], bool]
 ) -> list[tuple[Box, int | None]]:
     """Return the parts of a range of λ with the number of their windows; None where that is not proved."""
-    motion = problem.motion
-    assert isinstance(motion, PlanarMotion)
+    motion = problem.motion_as(PlanarMotion)
     over = LambdaRange(*ends, motion.sign_of_g1, motion.g3_sign)
     atlas = make_atlas(problem.body, problem.potential, over, ATLAS_SAMPLES, is_late, has_periods=False)
     found: list[tuple[Box, int | None]] = []
@@ -178,8 +184,7 @@ def _inner(end: arb, ends: tuple[Fraction, Fraction], *, up: bool) -> Fraction:
 
 def family_of(asked: Search, problem: Problem) -> ProblemFamily | None:
     """Return the family of problems of a search; None if the potential has no formula in its unknowns."""
-    motion, body = problem.motion, problem.body
-    assert isinstance(motion, PlanarMotion)
+    motion, body = problem.motion_as(PlanarMotion), problem.body
     tree = _tree_of(asked, problem)
     if tree is None:
         return None
@@ -235,7 +240,7 @@ def _tree_of(asked: Search, problem: Problem) -> Tree | None:
     if document["type"] == "expression":
         body = problem.body
         numbers = {"A": body.A, "C": body.C, **({} if body.B is None else {"B": body.B})}
-        numbers |= {name: exact_of(value) for name, value in document.get("parameters", {}).items()}
+        numbers |= {name: exact_number(value) for name, value in document.get("parameters", {}).items()}
         known = {name: value for name, value in numbers.items() if name not in names.values()}
         tree = parse(document["expression"])
         return bind(tree, known, variables=(*VARIABLES, *names.values()))
@@ -253,12 +258,6 @@ def _tree_of(asked: Search, problem: Problem) -> Tree | None:
         )
         total = Binary("+", total, Binary("*", share, Binary("-", other, start)))
     return total
-
-
-def exact_of(value: object) -> Fraction:
-    """Return the exact value of a number in a valid document."""
-    assert isinstance(value, int | float | str)
-    return exact_number(value)
 
 
 def _coefficients(asked: Search, problem: Problem, verdict: Verdict) -> Sequence[Potential] | None:
@@ -285,10 +284,10 @@ def _coefficients(asked: Search, problem: Problem, verdict: Verdict) -> Sequence
 def _admits_every_ratio(base: Part) -> bool:
     """Tell whether a potential, a formula with moments in it, is admissible for every A."""
     body, potential = base["body"], base["potential"]
-    B = None if body.get("B") is None else exact_of(body["B"])
-    parameters = {name: exact_of(value) for name, value in (potential.get("parameters") or {}).items()}
+    B = None if body.get("B") is None else exact_number(body["B"])
+    parameters = {name: exact_number(value) for name, value in (potential.get("parameters") or {}).items()}
     try:
-        return ratios_that_admit(potential["expression"], parameters, B=B, C=exact_of(body["C"])).all
+        return ratios_that_admit(potential["expression"], parameters, B=B, C=exact_number(body["C"])).all
     except DynamicsError:
         return False
 
@@ -358,9 +357,8 @@ def _trace_at(asked: Search, at: Fraction, window: int) -> arb:
 
 def _count_windows(asked: Search, at: Fraction) -> int:
     problem = asked.problem_at([at])
-    assert isinstance(problem.motion, PlanarMotion)
     try:
-        return len(find_windows(problem.body, problem.potential, problem.motion))
+        return len(find_windows(problem.body, problem.potential, problem.motion_as(PlanarMotion)))
     except DynamicsError:
         return 0
 

@@ -24,9 +24,10 @@ from service.jobs.records import (
     StoredSolution,
 )
 from service.sandbox import SandboxBrokenError, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.schemas.reading.documents import Part
 from workers.process.pool import Call, ReturnedError
 
-Message = tuple[dict[str, object], list[bytes]]
+Message = tuple[Part, list[bytes]]
 """A document, and the bytes that belong to it."""
 
 _HARMLESS = {("builtins", "bytes")}
@@ -130,9 +131,9 @@ def pack_calls(document: Mapping[str, object], kind: JobKind, calls: Sequence[Ca
 def calls_in(message: Message) -> tuple[JobKind, list[Call]]:
     """Return the kind and the calls of a batch."""
     document, blobs = message
-    calls = document["calls"]
-    assert isinstance(calls, list)
-    found: list[Call] = [(told, [_read(each, blobs) for each in arguments]) for told, arguments in calls]
+    found: list[Call] = [
+        (told, [_read(each, blobs) for each in arguments]) for told, arguments in document["calls"]
+    ]
     return JobKind(str(document["kind"])), found
 
 

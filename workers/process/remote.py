@@ -39,8 +39,7 @@ _PAUSE_SECONDS = 1.0
 def tasks_named(name: str) -> WorkerTasks:
     """Return what ``module:attribute`` names."""
     module, _, attribute = name.partition(":")
-    tasks = getattr(importlib.import_module(module), attribute)
-    assert isinstance(tasks, WorkerTasks)
+    tasks: WorkerTasks = getattr(importlib.import_module(module), attribute)
     return tasks
 
 

@@ -27,7 +27,7 @@ from workers.solvers.certified.errors import PrecisionNeededError
 from workers.solvers.certified.orbit import passes_pole
 from workers.solvers.searches.family import ProblemFamily
 from workers.solvers.searches.model import (
-    COARSE,
+    COARSE_BITS,
     BoundedFunction,
     FamilyWindow,
     Numbers,
@@ -47,17 +47,17 @@ from workers.solvers.searches.structure import (
 
 Of = Literal["period", "energy", "precession.psi1", "precession.psi3"]
 
-BITS = 96
+SEARCH_BITS = 96
 """Precision of the search; solutions are enclosed again at twice as many."""
-FINE = 80
+SOLUTION_BITS = 80
 """Bits of the values at a solution."""
-LARGEST_SHARE = Fraction(1, 2)
+MAX_HALF_BOX_SHARE = Fraction(1, 2)
 """Half a box is at most this share of the radius of the polydisc about its middle."""
-NARROWEST = Fraction(1, 2**34)
+MIN_BOX_SHARE = Fraction(1, 2**34)
 """A box of this share of the interval is not cut any more."""
-DEEPEST = 1024
+MAX_LEAVES_PER_SIDE = 1024
 """Leaves of a box are at least this part of it."""
-POLISHES = 6
+NEWTON_TRIES = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,9 +121,8 @@ class FamilySearch:
             They are not settled.
         """
         problem = self.problem_at(at)
-        assert isinstance(problem.motion, PlanarMotion)
         try:
-            found = find_windows(problem.body, problem.potential, problem.motion)
+            found = find_windows(problem.body, problem.potential, problem.motion_as(PlanarMotion))
         except NoMotionError:
             found = ()
         return [(each, arc) for each in found for arc in (each.arcs[:1] if self.is_even else each.arcs)]
@@ -134,7 +133,7 @@ class FamilySearch:
         Each window stays then, with its number, and V is analytic wherever its motion goes: what depends on
         the motion and on derivatives of V is continuous.
         """
-        with ctx.workprec(BITS):
+        with ctx.workprec(SEARCH_BITS):
             if not windows_stay(self.family, box):
                 return False
             try:
@@ -154,7 +153,7 @@ def _place(found: tuple[ReducedWindow, Arc]) -> float:
 
 def search(question: FamilySearch, whole: Box) -> SearchResult:
     """Return the solutions in a box."""
-    with ctx.workprec(BITS):
+    with ctx.workprec(SEARCH_BITS):
         return _Search(question, whole).found()
 
 
@@ -182,14 +181,14 @@ class _Search:
 
     def _is_narrow(self, box: Box) -> bool:
         return all(
-            high - low <= NARROWEST * (top - bottom)
+            high - low <= MIN_BOX_SHARE * (top - bottom)
             for (low, high), (bottom, top) in zip(box, self._whole, strict=True)
         )
 
     def _is_settled(self, box: Box) -> bool:
         """Settle all windows of a box; False if it has to be cut first."""
         middle = [(low + high) / 2 for low, high in box]
-        radii = [(high - low) / 2 / LARGEST_SHARE for low, high in box]
+        radii = [(high - low) / 2 / MAX_HALF_BOX_SHARE for low, high in box]
         try:
             seen = self._windows(middle)
             models = [(window, self._models(window, arc, middle, radii)) for window, arc in seen]
@@ -222,8 +221,7 @@ class _Search:
 
     def _motion_at(self, arc: Arc, at: Numbers, ends: tuple[arb, arb], bits: int) -> IntegralMotion:
         problem = self._question.problem_at(at)
-        assert isinstance(problem.motion, PlanarMotion)
-        loop = make_loop(problem.body, problem.potential, problem.motion)
+        loop = make_loop(problem.body, problem.potential, problem.motion_as(PlanarMotion))
         here = replace(arc, loop=loop, lower=ends[0].mid(), upper=ends[1].mid())
         # The period is the same from every start.
         return integral_motion(StartingPoint(here, here.lower, 0), bits)
@@ -233,8 +231,7 @@ class _Search:
         model = precession_model(family, window, centre, radii)
         if window.ends is not None:
             return model
-        motion = self._question.problem_at(centre).motion
-        assert isinstance(motion, PlanarMotion)
+        motion = self._question.problem_at(centre).motion_as(PlanarMotion)
         sense = motion.sign_of_g1 * motion.g3_sign * (1 if motion.start is None else _s_sign(motion.start))
         # ψ1 gains the advance and ψ3 loses the rest of a turn; the mirror to A < C exchanges the axes.
         if (of == "precession.psi1") != family.mirrored:
@@ -250,7 +247,7 @@ class _Search:
         PrecisionNeededError
             The bounds are too rough for it: those of a smaller box are closer.
         """
-        smallest = [(high - low) / DEEPEST for low, high in box]
+        smallest = [(high - low) / MAX_LEAVES_PER_SIDE for low, high in box]
         waiting = [box]
         while waiting:
             leaf = waiting.pop()
@@ -262,7 +259,7 @@ class _Search:
             slopes = list[Slopes]()
             for model, condition in zip(models, self._question.conditions, strict=True):
                 # The first ones take least time.
-                slopes.append(model.slopes(middle, COARSE))
+                slopes.append(model.slopes(middle, COARSE_BITS))
                 if not slopes[-1].range_on(half).overlaps(condition.equals()):
                     break
             else:
@@ -297,10 +294,10 @@ class _Search:
 
     def _polished(self, models: Sequence[BoundedFunction], values: Sequence[arb]) -> tuple[arb, ...]:
         """Narrow a solution, of which there is one among these ``values``."""
-        with ctx.workprec(2 * BITS):
-            for _ in range(POLISHES):
+        with ctx.workprec(2 * SEARCH_BITS):
+            for _ in range(NEWTON_TRIES):
                 at = [exact_middle(x) for x in values]
-                slopes = [model.slopes(at, FINE) for model in models]
+                slopes = [model.slopes(at, SOLUTION_BITS) for model in models]
                 matrix = [each.gradient_on([x.rad() for x in values]) for each in slopes]
                 step = _solved(matrix, self._missed(slopes))
                 if step is None:
