@@ -36,7 +36,7 @@ from workers.solvers.three_terms.intervals import RootsUndecidedError, positive_
 PRECISIONS = (192, 512, 2048)
 GAP_BITS = 64
 MAX_NODES = 1024
-SETTLED = 1e-26
+SETTLED_CHANGE = 1e-26
 """Relative change of the mean by a doubling that is left to the claim: 1e-18 after 1e8 periods."""
 MAX_ROOTS = 16
 
@@ -169,7 +169,7 @@ def period_of_x(stretch: Stretch) -> Period | None:
         count *= 2
         previous, mean = mean, total / count
         change = abs(float((mean - previous) / mean))
-        if change < SETTLED:
+        if change < SETTLED_CHANGE:
             length = 2 * arb.pi() * mean / integrand.mean
             hi = float(length)
             lo = float(length - hi)
