@@ -44,6 +44,7 @@ from service.dynamics.discovery.strata import (
     primitive,
     special_strata,
 )
+from service.dynamics.formula.algebras.monomials import weighted_sum
 from service.dynamics.formula.tree import VARIABLES
 from service.dynamics.potentials.terms.bound_formula import MOMENTS
 from service.dynamics.verdict.exact_ring.layout import NoProofError
@@ -69,15 +70,10 @@ class NormalForms:
         """Return the monomial as a sum of those that are left."""
         found = self.known.get(monomial)
         if found is None:
-            found = {}
             terms = self._replaced(monomial)
-            for other, value in terms or ((monomial, 1),):
-                if terms is None:
-                    found[other] = value
-                    continue
-                for each, factor in self.of(other).items():
-                    found[each] = found.get(each, 0) + value * factor
-            found = {each: value for each, value in found.items() if value}
+            found = {monomial: 1}
+            if terms is not None:
+                found = weighted_sum((value, self.of(other)) for other, value in terms)
             self.known[monomial] = found
         return found
 

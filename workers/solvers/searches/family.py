@@ -241,7 +241,10 @@ class FamilyCurve:
         return alpha, Z, jets.seed(self.G, [-self.Z * self.Z / self.G * rate for rate in rates])
 
     def _gamma_jets(self, v: acb) -> tuple[Jet[acb], Jet[acb], Jet[acb]]:
-        """Return g1, g2, g3 with their derivatives by the numbers, at a place that stays."""
+        """Return g1, g2, g3 with their derivatives by the numbers, at a place that stays.
+
+        It is :func:`.point.gamma_of` over jets, in which Z, G, α and c depend on the numbers.
+        """
         jets, none = self._jets, [None] * len(self.numbers)
         alpha, Z, G = self._curve_jets
         sine, cosine = v.sin_cos()
