@@ -30,7 +30,6 @@ _BASE: Document = MappingProxyType(
         "accuracy": {"tier": "draft"},
     }
 )
-_TIERS = ("draft", "standard", "high", "certified")
 _OTHER_MOMENTS = {
     "body": {"A": "3", "C": "1"},
     "potential": {"type": "homogeneous", "A": ["-1/2", "0", "1", "1/5"], "B": ["-1/3"], "C": ["1/200"]},
