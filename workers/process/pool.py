@@ -104,7 +104,7 @@ class PoolBatch(Protocol):
 
         Raises
         ------
-        SandboxTimeoutError, SandboxMemoryError, SandboxCrashError
+        SandboxError
             A limit was passed, or the child died.
         ReturnedError
             It may not have begun.

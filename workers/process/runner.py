@@ -14,9 +14,9 @@ from concurrent.futures import CancelledError
 from service.jobs.kernels import Outlook
 from service.jobs.queue import BATCH_SECONDS, BatchSize, Lane, LaneShares
 from service.jobs.records import Claim, ClaimedJobs, JobKind, Refused, Solved
-from service.jobs.store import JobStore
 from service.logs import about
 from service.sandbox import SandboxCrashError, SandboxTimeoutError
+from service.storage.jobs.job_store import JobStore
 from workers.process.batches import BatchSizes, PoolRun, Waiting, may_share, shared_out
 from workers.process.pool import Pool, ReturnedError
 from workers.process.results import JobLimits, Leases, Results, extra_of, fields_of

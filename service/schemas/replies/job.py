@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.schemas.replies.response_model import ResponseModel
+from service.schemas.replies.response_model import Columns, PageOut, ResponseModel
 from service.schemas.replies.verdict import CounterexampleOut, EvidenceOut, ExistenceOut, MotionWindowOut
 
 StateName = Literal["queued", "running", "succeeded", "failed", "cancelled"]
@@ -53,21 +53,8 @@ class JobListOut(ResponseModel):
     items: list[JobItemOut] = Field(description="One result for each problem.")
 
 
-class JobPageOut(ResponseModel):
+class JobPageOut(PageOut[JobOut | Columns]):
     """Some jobs, newest first."""
-
-    items: list[JobOut | dict[str, float | str | bool | None]] = Field(
-        description="In the order that was asked for; with `columns` the values of these by their names."
-    )
-    total: int | None = Field(
-        description="Jobs that match in all; null with `where` or `after`, unless `count=exact`."
-    )
-    limit: int = Field(description="Items on a page at most.")
-    offset: int = Field(description="Items left out before this page.")
-    next: str | None = Field(
-        description="Query of the next page, to be resolved against the URL that was asked; also in the"
-        " header Link. Null on the last one."
-    )
 
 
 KindName = Literal["solve", "chunk", "atlas", "study"]
@@ -113,21 +100,8 @@ class ChunkJobOut(ResponseModel):
     )
 
 
-class ChunkJobPageOut(ResponseModel):
+class ChunkJobPageOut(PageOut[ChunkJobOut | Columns]):
     """Some jobs of a sweep."""
-
-    items: list[ChunkJobOut | dict[str, float | str | bool | None]] = Field(
-        description="In the order that was asked for; with `columns` the values of these by their names."
-    )
-    total: int | None = Field(
-        description="Jobs that match in all; null with `where` or `after`, unless `count=exact`."
-    )
-    limit: int = Field(description="Items on a page at most.")
-    offset: int = Field(description="Items left out before this page.")
-    next: str | None = Field(
-        description="Query of the next page, to be resolved against the URL that was asked; also in the"
-        " header Link. Null on the last one."
-    )
 
 
 class QueuePartOut(ResponseModel):

@@ -37,8 +37,6 @@ Slot = Fraction | int
 """A number that is given, or the place of the unknown that it is."""
 
 NEWTON_TRIES = 24
-TURN_SINE_SQUARED = 0.25
-"""|sin²(θ/2)|, or |cos²(θ/2)|, below which K is an average of slopes."""
 EQUATOR_COSINE_SQUARED = 2.0**-6
 ENERGY_V = 0.9
 """|v| of the place at which energies are taken."""
