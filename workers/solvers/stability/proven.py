@@ -41,7 +41,7 @@ from workers.solvers.certified.validated.enclose import (
     enclose,
     rational_next_to,
 )
-from workers.solvers.certified.validated.step import ROUNDING, UPWARDS, upper
+from workers.solvers.certified.validated.step import ROUND_UP, SUM_ROUNDING, upper
 from workers.solvers.certified.validated.system import EulerPoisson, Recorded, record
 from workers.solvers.classical.curve import Curve
 from workers.solvers.classical.solve import place_motion
@@ -54,16 +54,16 @@ Origin = tuple[RigidBody, Start]
 
 FLOW_BITS = 40
 """Bits of the state along the way: the derivative of the flow is one of doubles."""
-SHORTER = 2
+STEP_DIVISOR = 2
 """So many times shorter are steps, for the derivative of the flow: else some motions leave no digit of it."""
-CLOSE_BITS = 128
+RETURN_BITS = 128
 """Bits of the state at the time at which it comes back."""
-TRIVIAL = 4
+TRIVIAL_MULTIPLIERS = 4
 """Number of multipliers that are 1."""
 NEWTON_TRIES = 6
-PERIOD_KNOWN = 1e-9
+PERIOD_RELATIVE_ERROR = 1e-9
 """Share of the period of a classical motion within which its quadrature is taken to know it."""
-LOOSEST = 2.0**-20
+MAX_TRACE_RELATIVE_RADIUS = 2.0**-20
 """Radius of a trace, relative to it where it is above 1, from which on nothing is told of it."""
 MOST_GROWTH = 700.0
 """Logarithm of the largest factor that is told from an infinite one."""
@@ -100,7 +100,7 @@ def proven_turn(body: RigidBody, potential: Tape, start: Start, period: arb) -> 
     system = EulerPoisson(body, potential)
     recorded = record(system)
     time = rational_next_to(period)
-    found = enclose(system, start, [time], FLOW_BITS, shorter=SHORTER)
+    found = enclose(system, start, [time], FLOW_BITS, shorter=STEP_DIVISOR)
     trajectory = found.forward
     assert trajectory is not None
     with ctx.workprec(found.precision):
@@ -108,24 +108,24 @@ def proven_turn(body: RigidBody, potential: Tape, start: Start, period: arb) -> 
         matrix, lost = trajectory.flow(time)
         size = np.abs(matrix) + lost
         growth = _growth(recorded, found.states[0], late)
-        lost = UPWARDS * (lost + growth * np.ones_like(size) @ size)
+        lost = ROUND_UP * (lost + growth * np.ones_like(size) @ size)
         trace = sum(
             (arb(value, radius) for value, radius in zip(matrix.diagonal(), lost.diagonal(), strict=True)),
-            arb(-TRIVIAL),
+            arb(-TRIVIAL_MULTIPLIERS),
         )
-        if not trace.rad() < LOOSEST * abs(trace).max(arb(1)):
+        if not trace.rad() < MAX_TRACE_RELATIVE_RADIUS * abs(trace).max(arb(1)):
             text = "its neighbours part too far in one period to tell its multipliers"
             raise CertifiedUnavailableError(text)
         units = np.array([_unit(float(period))] * 3 + [1.0] * 3)
         scale = units / units[:, None]
-        matrix, lost = matrix * scale, UPWARDS * lost * scale
+        matrix, lost = matrix * scale, ROUND_UP * lost * scale
         rows = zip(matrix.tolist(), lost.tolist(), strict=True)
         turn = arb_mat([[arb(*entry) for entry in zip(*row, strict=True)] for row in rows])
         parts = [arb_mat(len(size), len(size), 1), *parts_of_powers(turn, trace)]
         sizes, speed = _on_the_way(trajectory, scale, [_in_doubles(part) for part in parts])
     begins = tuple(float(stretch.step.begin) for stretch in trajectory.stretches)
     # Φ(T) = Ψ Φ(t), and no entry of Ψ − 1 is above ``growth``.
-    sizes = UPWARDS * (1.0 + len(size) * growth * float(scale.max())) * sizes
+    sizes = ROUND_UP * (1.0 + len(size) * growth * float(scale.max())) * sizes
     return ProvenTurn(period, trace, matrix, speed, begins, sizes)
 
 
@@ -159,7 +159,7 @@ def classical_stability(problem: Problem, origin: Origin) -> Stability:
     about = float(Curve.of(placed).period)
     body, start = origin
     try:
-        period = return_time(body, problem.potential.tape, start, about, PERIOD_KNOWN * about)
+        period = return_time(body, problem.potential.tape, start, about, PERIOD_RELATIVE_ERROR * about)
         turn = proven_turn(body, problem.potential.tape, start, period)
     except CertifiedUnavailableError as fault:
         text = f"its multipliers are not enclosed: {fault.message}"
@@ -183,7 +183,7 @@ def return_time(body: RigidBody, potential: Tape, start: Start, about: float, wi
     recorded = record(system)
     time, half = Fraction(about), Fraction(within)
     for _ in range(NEWTON_TRIES):
-        found = enclose(system, start, [time, time + half], CLOSE_BITS)
+        found = enclose(system, start, [time, time + half], RETURN_BITS)
         trajectory = found.forward
         assert trajectory is not None
         with ctx.workprec(found.precision):
@@ -196,7 +196,7 @@ def return_time(body: RigidBody, potential: Tape, start: Start, about: float, wi
             zero = ball(time) - (here[fastest] - first[fastest]) / rates[fastest]
             if not zero.overlaps(arb(ball(time), ball(half))):
                 break
-            if zero.rad() < arb(2) ** (8 - CLOSE_BITS) * abs(zero):
+            if zero.rad() < arb(2) ** (8 - RETURN_BITS) * abs(zero):
                 return zero
             time = rational_next_to(zero)
             half = Fraction(upper(zero.rad() * 2))
@@ -307,10 +307,10 @@ def _on_the_way(
         around = np.abs(corners).max(axis=0)
         row = list[float]()
         for part, missed in parts:
-            off = around @ (missed + ROUNDING * np.abs(part)) + lost @ (np.abs(part) + missed)
+            off = around @ (missed + SUM_ROUNDING * np.abs(part)) + lost @ (np.abs(part) + missed)
             row.append(float(np.linalg.norm(corners @ part, axis=(1, 2)).max() + np.linalg.norm(off)))
         sizes.append(row)
         places, radius = trajectory.along(stretch)
         omega = np.linalg.norm(places[:, :3], axis=1).max() + np.linalg.norm(radius[:3])
-        speed = max(speed, UPWARDS * float(omega))
+        speed = max(speed, ROUND_UP * float(omega))
     return np.maximum.accumulate(np.array(sizes)), speed

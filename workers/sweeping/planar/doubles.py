@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.motion import COLUMNS
-from service.dynamics.problem import PlanarMotion, StartAtPoint, TimeList, TimePeriods, Times
+from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods, Times
 from service.dynamics.sampling import SampleTimes, sample_times, sample_times_of_each
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.compiled.batch import NO_TIMES, Batch, Tier, bounds_of, solve_batch
@@ -191,9 +191,8 @@ def _lateness(batch: Batch) -> FloatArray:
 
 def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArray) -> BlockResult:
     """Solve one after the other: each motion has times of its own, as it has in periods."""
-    sets, first = len(batch.loops), asked_of[0]
-    assert not isinstance(first, TimeList)
-    times = np.full((sets, first.samples), np.nan)
+    sets = len(batch.loops)
+    times = np.full((sets, asked_of[0].samples), np.nan)
     samples = np.full((*times.shape, len(batch.columns)), np.nan)
     loops, found, workspace = copied(batch.loops), new_records(FOUND, sets), new_records(WORKSPACE)
     for n in range(sets):
