@@ -129,8 +129,7 @@ class Resources:
 
 
 async def _resources(request: Request) -> Resources:
-    resources = request.app.state.resources
-    assert isinstance(resources, Resources)
+    resources: Resources = request.app.state.resources
     return resources
 
 

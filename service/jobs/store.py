@@ -163,6 +163,10 @@ class JobStore(Protocol):
         """Note that a child has begun with a job that is computed alone: the loss of its worker counts."""
         ...
 
+    def note_progress(self, shares: Sequence[tuple[Claim, float]]) -> None:
+        """Note how much of jobs is done, less than all: never less than before, and if claims hold."""
+        ...
+
     def held(self, claims: Sequence[Claim]) -> frozenset[str]:
         """Return the ids of those jobs whose claims still hold; writes nothing."""
         ...

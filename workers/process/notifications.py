@@ -27,7 +27,7 @@ class Notifications:
         ours = self._engine.raw_connection()
         connection = ours.driver_connection
         ours.detach()  # it does not go back to the pool
-        assert isinstance(connection, psycopg.Connection)
+        assert isinstance(connection, psycopg.Connection)  # SQLAlchemy gives it as any driver's
         connection.autocommit = True
         connection.execute(sql.SQL("LISTEN {}").format(sql.Identifier(CHANNEL)))
         self._connection = connection

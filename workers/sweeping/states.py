@@ -162,7 +162,7 @@ class StateSolver:
 
     def __init__(self, sweep: Sweep) -> None:
         problem = sweep.first_problem
-        assert isinstance(problem.motion, StateMotion)
+        motion = problem.motion_as(StateMotion)
         self._sweep, self._problem = sweep, problem
         self._names = [name for name in sweep.series_columns if name != "t"]
         self._columns = [COLUMNS.index(name) for name in self._names]
@@ -170,7 +170,7 @@ class StateSolver:
         self._moves_gamma = any(index in (3, 4, 5) for index in self._positions)
         self._known = [listed_exactly(axis) for axis in sweep.axes]
         self._times = sample_times(problem.time, None)
-        self._start = (*problem.motion.omega, *problem.motion.gamma)
+        self._start = (*motion.omega, *motion.gamma)
         self._doubles = np.array([float(number) for number in self._start])
         self._neighbours = np.array([neighbour_of(number) for number in self._start])
         potential = sweep.base["potential"]

@@ -189,11 +189,7 @@ def _facts(document: Part) -> Part:
 
 
 def _bounds(stored: Part) -> dict[str, tuple[float, float]]:
-    bounds = {}
-    for name, pair in stored.items():
-        assert isinstance(pair, list)
-        bounds[name] = float(pair[0]), float(pair[1])
-    return bounds
+    return {name: (float(lower), float(upper)) for name, (lower, upper) in stored.items()}
 
 
 def _record(session: Session, row: SweepRow) -> SweepRecord:

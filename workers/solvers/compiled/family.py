@@ -15,7 +15,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
 from service.dynamics.motion import Motion
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.problem import PlanarMotion, Problem, StartAtEquator
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.window import Arc, Window
 from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place, conventions_of
@@ -75,7 +75,13 @@ class CompiledFamily:
             return Declined(period.error / period.hi)
         error = found.error_at(end)
         evidence: dict[str, float | int | str] = {"compiled": len(found.panels), "rounding": error}
-        sampled = Sampled(found.sample, period, np.zeros(0), error, evidence, found, asked=asked)
+        # Times are counted from the start: the equator is where it is, other starts are rounded.
+        crosses = motion.start is None and place.window.ends[1] == "equator"
+        is_exact = crosses or isinstance(motion.start, StartAtEquator)
+        apart = found.place_error(self.kernel, ends=1 if is_exact else 2)
+        sampled = Sampled(
+            found.sample, period, np.zeros(0), error, evidence, found, place_error=apart, asked=asked
+        )
         return make_periodic(problem, place, sampled)
 
 

@@ -195,12 +195,12 @@ def _in_order(runs: list[Run], parts: list[FloatArray]) -> FloatArray:
 def _ending(fine: Run, coarse: Run, deviations: FloatArray) -> IntegrationError | None:
     """Return why two runs arrive no further; the time of a collision gets its error."""
     found = [run.ending for run in (fine, coarse) if run.ending is not None]
-    if not (len(found) == 2 and all(isinstance(ending, CollisionError) for ending in found)):
+    collisions = [ending for ending in found if isinstance(ending, CollisionError)]
+    if len(collisions) < 2:
         return min(found, key=lambda ending: abs(ending.time), default=None)
     from workers.solvers.compiled.general.run_pair import time_left  # noqa: PLC0415
 
-    ending = found[0]
-    assert isinstance(ending, CollisionError)
+    ending = collisions[0]
     left = time_left(fine.breaks)
     time = fine.reached + left
     gap = abs(coarse.reached + time_left(coarse.breaks) - time)

@@ -141,7 +141,8 @@ class RunRequest:
             return None
         from workers.solvers.integration import compiled  # noqa: PLC0415
 
-        assert isinstance(integrator, compiled.CompiledIntegrator)
+        if not isinstance(integrator, compiled.CompiledIntegrator):
+            return None
         asked = self.asked(integrator, local_tolerance)
         return compiled.verified_run(integrator, state, neighbour, self.check, asked)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.motion import COLUMNS
-from service.dynamics.problem import PlanarMotion, StartAtPoint, TimeList, TimePeriods, Times
+from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods, Times
 from service.dynamics.sampling import SampleTimes, sample_times, sample_times_of_each
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.compiled.batch import NO_TIMES, Batch, BatchResult, Tier, bounds_of, solve_batch
@@ -200,10 +200,8 @@ def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArr
             replace(batch, constants=batch.constants[one], loops=batch.loops[one], rests=rests)
         )
 
-    first = asked_of[0]
-    assert not isinstance(first, TimeList)
     asked = partial(_asked, asked_of)
-    return solve_one_by_one(batch.loops, batch.columns, solve, asked, first.samples, late)
+    return solve_one_by_one(batch.loops, batch.columns, solve, asked, asked_of[0].samples, late)
 
 
 def _asked(asked_of: Sequence[Times], n: int, period: Period) -> SampleTimes:
