@@ -149,6 +149,11 @@ class Equations:
         lo, hi = algebra.bounds(self._formula().evaluate(algebra, sides))
         return np.broadcast_to(hi - lo, centres.shape[1:])
 
+    def slopes(self, gamma: FloatArray) -> FloatArray:
+        """Return the gradient of V at places of the shape (..., 3), same shape, where it has a formula."""
+        slopes = value_and_gradient(RealAlgebra(), self._formula(), list(gamma.reshape(-1, 3).T))[1]
+        return _stacked(slopes, gamma.size // 3).T.reshape(gamma.shape)
+
     def _rates_on(self, centres: FloatArray, radii: FloatArray) -> tuple[Disc, ...]:
         state = _discs(centres, radii)
         algebra = DiscAlgebra()

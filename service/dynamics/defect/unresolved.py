@@ -17,6 +17,9 @@ HIDDEN_VARIATION = 1e-6
 """Variation of V on such a stretch that is looked for."""
 VARIATION_RATIO = 100.0
 """How many times the variation seen at the nodes it must be: intervals add up what cancels."""
+SLOPE_RATIO = 10.0
+"""And how many times what the slopes at the nodes make of the whole stretch: along a curve on which V hardly
+varies those in γ1 and in γ2 cancel, in intervals they do not."""
 LEBESGUE_BOUND = 4.0
 """More than the Lebesgue constant of forty Chebyshev points: a polynomial that is at most 1 at them is
 at most this between them."""
@@ -40,15 +43,21 @@ def hides_something(equations: Equations, block: StretchBatch, *, is_planar: boo
     radius = LEBESGUE_BOUND * np.abs(gamma - middle[:, None]).max(axis=1) + SERIES_RELATIVE_ROUNDING * size
     varies = equations.value_spread(middle.T, radius.T)
     V = block.integrals[hidden, :, 0] - kinetic_of(equations, block.states[hidden])
-    seen = V.max(axis=1) - V.min(axis=1)
+    seen = VARIATION_RATIO * (V.max(axis=1) - V.min(axis=1))
+    explained = SLOPE_RATIO * np.vecdot(np.abs(equations.slopes(gamma)).max(axis=1), radius)
     small = size[:, [0, 2]]
     at_pole = (small < NEAR_POLE_DISTANCE).all(axis=1) | (
         is_planar & (small < SERIES_RELATIVE_ROUNDING).any(axis=1)
     )
     hidden[hidden] = (
-        ~(varies <= HIDDEN_VARIATION + VARIATION_RATIO * np.where(np.isfinite(seen), seen, 0.0)) & ~at_pole
+        ~(varies <= HIDDEN_VARIATION + np.fmax(_finite(seen), _finite(explained))) & ~at_pole
     )
     return hidden
+
+
+def _finite(variations: FloatArray) -> FloatArray:
+    """Return variations, 0 where a node has none: it says nothing."""
+    return np.where(np.isfinite(variations), variations, 0.0)
 
 
 def kinetic_of(equations: Equations, states: FloatArray) -> FloatArray:
