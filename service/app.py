@@ -30,7 +30,7 @@ from service.storage.database.cached_reads import CachedReads
 from service.storage.database.database import Database
 from service.storage.examinations import ExaminationStore
 from service.storage.jobs.changes import ChangeReader
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.jobs.worker_registry import SILENT_LEASES
 from service.storage.keys.idempotency_store import IdempotencyStore
 from service.storage.keys.key_store import KeyStore
@@ -94,7 +94,7 @@ def create_app(
         app.state.resources = Resources(
             settings=settings,
             database=database,
-            jobs=SqlJobStore(database),
+            jobs=JobStore(database),
             solutions=SolutionStore(database),
             audits=AuditStore(database),
             results=ResultStore(database),

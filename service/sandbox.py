@@ -52,15 +52,19 @@ BREAKAGES = (OSError, EOFError, RuntimeError, BrokenProcessPool)
 """Raised by starting a child, or passing it a call, when the processes around it have died."""
 
 
-class SandboxTimeoutError(Exception):
+class SandboxError(Exception):
+    """A call did not come to an end in its child."""
+
+
+class SandboxTimeoutError(SandboxError):
     """The time limit passed; the child was killed."""
 
 
-class SandboxMemoryError(Exception):
+class SandboxMemoryError(SandboxError):
     """The computation asked for more memory than its limit."""
 
 
-class SandboxCrashError(Exception):
+class SandboxCrashError(SandboxError):
     """The child died: killed from outside, or crashed by a compiled library."""
 
 

@@ -1,3 +1,4 @@
+import itertools
 import os
 import sys
 from collections import Counter
@@ -86,8 +87,10 @@ def _may_hold_files(folder: Path) -> bool:
     return about.f_bavail * about.f_frsize >= _ENOUGH_BYTES and not about.f_flag & os.ST_NOEXEC
 
 
-SHARED = "chromium_path", "postgres", "service"
+SHARED = "service", "chromium_path", "postgres"
 """Parameters and fixtures of the session that are dear to start, one for each process that runs tests."""
+LONGEST = "conformance/http"
+"""The folder with the longest test: minutes on a busy machine, which no other process can share."""
 
 
 def _needed(item: pytest.Item) -> set[str]:
@@ -97,18 +100,38 @@ def _needed(item: pytest.Item) -> set[str]:
     return {*getattr(item, "fixturenames", ()), *chosen}
 
 
-def _place(item: pytest.Item) -> int:
+def _group(item: pytest.Item) -> int:
+    """Return which of what is shared a test needs, a service last: one beside Chromium is of that page."""
     needed = _needed(item)
-    return next((place for place, name in enumerate(SHARED) if name in needed), len(SHARED))
+    return next((k for k in (1, 2, 0) if SHARED[k] in needed), len(SHARED))
+
+
+def _spread(items: list[pytest.Item], processes: int) -> list[pytest.Item]:
+    """Return the tests so that each process begins with those that share something dear.
+
+    pytest-xdist gives each process an equal stretch of the list; who is done takes the last ones of others.
+    So what is at the beginning of a stretch stays with one process, and ends early.
+    """
+    groups: list[list[pytest.Item]] = [[] for _ in range(len(SHARED) + 1)]
+    for item in sorted(items, key=lambda item: not item.path.parent.match(LONGEST)):
+        groups[_group(item)].append(item)
+    *shared, others = groups
+    stretches: list[list[pytest.Item]] = []
+    for k in range(processes):
+        begun = [item for group in shared[k::processes] for item in group]
+        count = (len(items) - sum(map(len, stretches))) // (processes - k)
+        missing = max(0, count - len(begun))
+        stretches.append(begun + others[:missing])
+        del others[:missing]
+    return [*itertools.chain(*stretches), *others]
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)  # before markers choose
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> Iterator[None]:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> Iterator[None]:
     """Leave to `make test-long` what `make test` does in part, and begin with tests that share what is dear.
 
     What is left are random laws with many examples, Postgres where the database does not matter, and rows of
-    tables of which one in so many is enough, on each database. Tests that come first stay with one process:
-    others steal the last ones.
+    tables of which one in so many is enough, on each database.
     """
     rows: Counter[tuple[str, bool]] = Counter()
     for item in items:
@@ -123,4 +146,4 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> Iterator[None]:
                 item.add_marker("long")
             rows[law] += 1
     yield
-    items.sort(key=_place)
+    items[:] = _spread(items, getattr(config, "workerinput", {}).get("workercount", 1))

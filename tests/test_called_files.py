@@ -16,7 +16,7 @@ from service.app import create_app
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.support.api import PLANAR, AnyTestClient
 from workers.process.tasks import PRELOAD, solve_problem
 
@@ -63,7 +63,7 @@ def children():
 def test_one_planar_job_runs_through_few_modules(children, sqlite_url):
     examiner, solver = children
     database = Database(sqlite_url)
-    jobs = SqlJobStore(database)
+    jobs = JobStore(database)
     try:
         for child in children:
             child.run(watch, seconds=None)

@@ -17,7 +17,7 @@ from service.logs import about, call_about, current_logging, mask, start_logging
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.support.api import TestClient
 from tests.support.waiting import PATIENCE, wait_until
 
@@ -222,7 +222,7 @@ def test_a_fault_of_ours_can_be_found_in_the_log(request_lines, monkeypatch):
 
 def test_a_worker_and_its_children_say_which_job_they_speak_of(sqlite_url):
     database = Database(sqlite_url)
-    jobs = SqlJobStore(database)
+    jobs = JobStore(database)
     job = jobs.submit({"x": 1}, "digest")
     command = [sys.executable, "-c", "from tests.support.complaining import run; run()"]
     environment = {**os.environ, "POLHODE_DATABASE_URL": sqlite_url}

@@ -25,13 +25,13 @@ from service.api.verdicts.examiner import Examiner
 from service.api.verdicts.verdict_queue import VerdictQueue
 from service.cache import Cache
 from service.jobs.kernels import ClusterState, Kernels
-from service.jobs.store import JobStore
 from service.local.wakeup import WakeUpSocket
 from service.local.workers import WorkerStanding
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.database.cached_reads import CachedReads
 from service.storage.database.database import Database
+from service.storage.jobs.job_store import JobStore
 from service.storage.jobs.worker_registry import WorkersState
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.result_store import ResultStore
@@ -129,8 +129,7 @@ class Resources:
 
 
 async def _resources(request: Request) -> Resources:
-    resources = request.app.state.resources
-    assert isinstance(resources, Resources)
+    resources: Resources = request.app.state.resources
     return resources
 
 

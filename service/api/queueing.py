@@ -12,10 +12,10 @@ from service.api.keys.idempotency import receipt_of
 from service.api.replies.responses import json_response
 from service.jobs.keys import ApiKey
 from service.jobs.records import Job, JobKind
-from service.jobs.store import GivenKey, Receipt
 from service.schemas.problem.problem import problem_digest
 from service.schemas.reading.documents import Document
 from service.schemas.replies.response_model import ResponseModel
+from service.storage.keys.idempotency_store import GivenKey, Receipt
 
 Made = tuple[Job, ...]
 Store = Callable[[Receipt[Made] | None], Job]

@@ -24,7 +24,7 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import PlanarMotion
 from service.jobs.kernels import most_missing
 from service.jobs.keys import ApiKey
-from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.sandbox import SandboxError, SandboxTimeoutError
 from service.schemas.problem.documents import JobIn
 from service.schemas.problem.problem import check_problem, window_of
 from service.schemas.problem.rules import CheckedProblem
@@ -62,7 +62,6 @@ ESTIMATE_WORK = (
 )
 
 _BUSY = HTTPStatus.SERVICE_UNAVAILABLE
-_LIMITS = (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError)
 
 
 def needs_verdict(checked: CheckedProblem) -> bool:
@@ -294,7 +293,7 @@ async def _examine(
                 )
             except ApiError as busy:
                 found.update(dict.fromkeys(batch, busy))
-            except _LIMITS as fault:
+            except SandboxError as fault:
                 if alone:
                     found[batch[0]] = refusal_of(fault)
                 else:

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from service.cli.common import REFUSED, WRONG_USAGE, fail, settings_of
-from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.sandbox import Sandbox, SandboxCrashError, SandboxError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.problem import read_question
 from service.schemas.replies.verdict_text import Answer, describe_verdict
 from service.settings import Settings
@@ -96,6 +96,6 @@ def _simplified(sandbox: Sandbox, text: str, seconds: float) -> str:
         rest = deadline - time.monotonic()
         if rest <= 0:
             break
-        with suppress(SandboxTimeoutError, SandboxMemoryError, SandboxCrashError):
+        with suppress(SandboxError):
             answers.append(sandbox.run(simplify_formula, work, seconds=rest, crashes=0))
     return json.dumps({**result, "verdict": with_simplified(result["verdict"], answers)})

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 Key = TypeVar("Key")
 Value = TypeVar("Value")
 
-MAX_OBJECTS = 64
+MAX_OBJECTS_CACHED = 64
 """Objects of which something is cached."""
 
 
@@ -27,7 +27,7 @@ class IdentityCache(Generic[Key, Value]):
         cached = self._cached.get(id(key))
         if cached is None:
             cached = self._cached[id(key)] = key, self._make(key)
-            while len(self._cached) > MAX_OBJECTS:
+            while len(self._cached) > MAX_OBJECTS_CACHED:
                 # Another thread may have taken the oldest one away.
                 self._cached.pop(next(iter(tuple(self._cached))), None)
         return cached[1]

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Literal
+from typing import Literal, TypeVar
 
 from service.dynamics.body import RigidBody
 from service.dynamics.methods import Tier as Tier  # re-exported for users of problems
@@ -124,6 +124,11 @@ class TimeList:
 
     times: tuple[Fraction, ...]
 
+    @property
+    def samples(self) -> int:
+        """The number of times."""
+        return len(self.times)
+
 
 Times = TimeSpan | TimePeriods | TimeList
 
@@ -147,6 +152,9 @@ class Accuracy:
     measure: Measure = "absolute"
 
 
+_Kind = TypeVar("_Kind", PlanarMotion, StateMotion, ClassicalMotion)
+
+
 @dataclass(frozen=True, slots=True)
 class Problem:
     """Everything a solver needs to know, exact."""
@@ -159,6 +167,12 @@ class Problem:
     method: Method
     outputs: tuple[Output, ...]
     accept: Accept = "proved"
+
+    def motion_as(self, kind: type[_Kind]) -> _Kind:
+        """Return the motion, which the caller knows to be of this kind; raises TypeError if it is not."""
+        if not isinstance(self.motion, kind):
+            raise TypeError(f"{kind.__name__} is needed, and the motion is a {type(self.motion).__name__}")
+        return self.motion
 
     @property
     def wants_series(self) -> bool:

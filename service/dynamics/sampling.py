@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.errors import DynamicsError
-from service.dynamics.problem import TimeList, TimePeriods, Times
+from service.dynamics.problem import TimeList, TimePeriods, Times, TimeSpan
 from service.dynamics.solution.dense_output import Period, rest_of_product, split_double, two_product
 
 FloatArray = NDArray[np.float64]
 
-FEW_SAMPLES = 4096
+MAX_SAMPLES_CACHED = 4096
 """Largest number of samples for which the numbers of periods are cached."""
 _WHOLE_DOUBLES = 2**53
 """Every integer up to it is a double."""
@@ -74,7 +74,7 @@ _Turns = tuple[SampleTimes, FloatArray, FloatArray]
 
 def _turns(times: TimePeriods) -> _Turns:
     """Return the numbers of periods; lists and sweeps ask for the same ones with each problem."""
-    if times.samples <= FEW_SAMPLES:
+    if times.samples <= MAX_SAMPLES_CACHED:
         return _few_turns(times)
     found = _in_doubles(times)
     return found, *split_double(found.doubles)
@@ -109,9 +109,8 @@ def exact_instants(times: Times) -> list[Fraction]:
     return [Fraction(first + step * k, whole) for k in range(times.samples)]
 
 
-def _progression(times: Times) -> tuple[int, int, int]:
+def _progression(times: TimeSpan | TimePeriods) -> tuple[int, int, int]:
     """Return integers (first, step, whole): the k-th of equidistant times is (first + step k)/whole."""
-    assert not isinstance(times, TimeList)
     start, stop = (
         (Fraction(0), times.periods) if isinstance(times, TimePeriods) else (times.start, times.stop)
     )

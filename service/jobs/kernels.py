@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal  # Any: a summary, which may be damaged
 
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Document, Part
 
 KERNELS = 315
 """How many functions are translated or made machine code of, each for the types of its arguments, as counted:
@@ -147,16 +147,14 @@ class ClusterState:
         return asdict(self)
 
     @classmethod
-    def read(cls, document: Mapping[str, object]) -> "ClusterState":
+    def read(cls, document: Part) -> "ClusterState":
         """Return what :meth:`document` was made of."""
-        left_out = document["left_out"]
-        assert isinstance(left_out, list)
         dashboard = document["dashboard"]
         return cls(
             scheduler=str(document["scheduler"]),
             is_connected=bool(document["is_connected"]),
             workers=int(str(document["workers"])),
             threads=int(str(document["threads"])),
-            left_out=tuple(LeftOut(str(each["worker"]), str(each["why"])) for each in left_out),
+            left_out=tuple(LeftOut(str(each["worker"]), str(each["why"])) for each in document["left_out"]),
             dashboard=None if dashboard is None else str(dashboard),
         )

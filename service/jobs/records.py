@@ -8,7 +8,7 @@ from enum import StrEnum
 from service.jobs.queue import Lane
 from service.schemas.query.conditions import Value
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import Document, Part
 from service.schemas.replies.summary import SolutionSummary
 
 
@@ -323,7 +323,7 @@ class SweepRecord(SweepProgress):
     """One sweep."""
 
     document: Mapping[str, object]
-    provenances: Sequence[Mapping[str, object]]
+    provenances: Sequence[Part]
     """Origins of its points: each provenance of a solution once, with the names of its ``hosts``."""
 
 

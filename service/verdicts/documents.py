@@ -31,7 +31,7 @@ from service.dynamics.inverse.projection import nearest_admissible
 from service.dynamics.inverse.terms import Terms
 from service.dynamics.potentials.families.general_solution import QUADRANTS, SIGNS, Quadrant
 from service.dynamics.potentials.potential import Notice, Potential
-from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimeList
+from service.dynamics.problem import PlanarMotion, Problem, StateMotion
 from service.dynamics.reduction.existence import CurveRange, Existence
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.window import Arc, Window, height
@@ -111,7 +111,7 @@ def plan_document(problem: Problem, window: Window | None) -> Document:
         "method": method,
         "tier": problem.accuracy.tier,
         "tolerance": problem.tolerance,
-        "samples": len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples,
+        "samples": problem.time.samples,
         "window": None if window is None else window_document(window),
         "remarks": [] if window is None else [asdict(notice) for notice in remarks_on(problem, window)],
         "expected_seconds": None,

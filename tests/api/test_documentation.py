@@ -17,7 +17,7 @@ from service.jobs.keys import Role
 from service.jobs.records import Claim, JobKind, Solved
 from service.settings import Settings
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.support.api import TestClient
 from tests.support.keys import make
 from tests.support.waiting import wait_until
@@ -99,7 +99,7 @@ def send(client: TestClient, request: Request, known: dict[str, str]):
     )
 
 
-def work(jobs: SqlJobStore, claim: Claim) -> None:
+def work(jobs: JobStore, claim: Claim) -> None:
     """Do what a worker does."""
     if claim.kind is JobKind.CHUNK:
         assert jobs.finish(claim, compute_chunk(json.dumps(claim.payload)))[0]
@@ -113,7 +113,7 @@ def work(jobs: SqlJobStore, claim: Claim) -> None:
 
 
 @contextmanager
-def worker(jobs: SqlJobStore) -> Iterator[None]:
+def worker(jobs: JobStore) -> Iterator[None]:
     """Do jobs as they come, and of each sweep the first points alone."""
     stop, sweeps = threading.Event(), set[str | None]()
 
@@ -175,7 +175,7 @@ def test_each_command_gives_something(client, sqlite_url, name, least):
     sent = list(commands((TOP / name).read_text(encoding="utf-8")))
     assert len(sent) >= least
     known: dict[str, str] = {}
-    with worker(SqlJobStore(database)):
+    with worker(JobStore(database)):
         for words in sent:
             response = send(client, read_curl(words), known)
             assert response.is_success, (shlex.join(words), response.text)

@@ -11,7 +11,7 @@ from pathlib import Path
 from sqlalchemy import select
 
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.operations import WorkerRow
 from tests.benchmarks.lists import seconds_of_list
@@ -124,7 +124,7 @@ def carried(effort: Effort) -> Table:
 
 
 def _submit_jobs(database: Database, number: int) -> Callable[[], bool]:
-    jobs = SqlJobStore(database)
+    jobs = JobStore(database)
     made = jobs.submit_many([({"number": k}, f"sleeps {k}") for k in range(number)])
     return lambda: jobs.get(made[-1].id).is_finished and all(jobs.get(job.id).is_finished for job in made)
 

@@ -30,6 +30,9 @@ contain every value of a function on the interval. It holds unless the program, 
   place where the motion all but comes to rest.
 * **Everything in the tier `certified`** that has a radius, and samples that are rounded enclosures in the
   other tiers (`proven_samples` in the evidence).
+* **Multipliers and trusted times**, where `error_kind` says so. A trusted time is a statement about the
+  equations of variation, the equations of motion to first order: a rounding at the beginning of every period
+  stays below the tolerance until then. It says nothing of what an integrator loses in its steps.
 """
 
 MEASURED = """## What is measured
@@ -49,8 +52,8 @@ MEASURED = """## What is measured
   of the period is estimated from how the last ones fall, with half the decades that they fall counted; each
   panel is compared with the formula, with twice the digits, at one point, and four times the largest
   departure counts.
-* **How fast variables change**, by which times that are off make samples be off: differences of neighbouring
-  places, eight to a panel, and a quarter more. Each panel has its own.
+* **How fast variables change**, by which an error of a time becomes one of a sample: from differences of
+  neighbouring points, eight in a panel, enlarged by a quarter. Each panel has its own.
 * **Potentials given by an integral** in the tiers `draft`, `standard` and `high`: windows are those of a
   scan, and panels are judged by the decay of their series. Along the motion V₁ is a series of integrals, to
   80 bits by the decay of its terms and by what is seen between its nodes. In the tier `certified` it is
@@ -58,14 +61,15 @@ MEASURED = """## What is measured
 * **Samples beside a pole that nothing encloses** (V₁ as an integral, logarithms below A/C = 2): twice what
   moving a time by its error does to the variables, and four times the largest departure that was seen in its
   panel of the phase.
-* **The method `integration`**, and with it cross-checks and motions from any state: the error is the
-  difference of runs (of four in compiled code; else of two, or the error that what the finer one leaves of
-  the equations makes, `error_by_residual` in the evidence, if that is more), and what errors of every step
-  grow to until any later time (`grown_errors`), checked against the equations. Growth is that of the
-  equations of variation along the motion; what a step loses is modelled, as a rounding of all that is added
-  up in it and what its series leave out. Both parts are estimates, to first order. So are the errors of the
-  attitude: what is left of the equations, and the roundings, carried on to it by its linear equations, as
-  many times as the claim of the variables is above what the same makes of them.
+* **The method `integration`**, and with it cross-checks and motions from any state. The error has two parts.
+  One is the difference of runs (of four in compiled code, else of two; or the error that follows from what
+  the finer run leaves of the equations, `error_by_residual` in the evidence, if that is larger). The other is
+  what the errors of all steps have grown to at a later time (`grown_errors`), checked against the equations:
+  they grow by the equations of variation along the motion, and the error of one step is modelled, as the
+  rounding of everything that is added up in it and what its series leave out. Both parts are estimates, to
+  first order. So are the errors of the attitude: what its linear equations are missed by, and the roundings,
+  propagated by these equations, and enlarged by the factor by which the claimed error of the variables
+  exceeds the same estimate of them.
 
 Hence the runs below. **A claim is exceeded if the true number is proven to be further away than it.** That
 none was exceeded in a run is said of its problems, and of no others.

@@ -14,7 +14,7 @@ from sqlalchemy import text
 
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.benchmarks.bare import analyze
 from tests.benchmarks.measuring import Effort, Table, in_words
 from tests.support.finishing import finish_success
@@ -149,7 +149,7 @@ def _through(installation: Installation, number: int, workers: int) -> tuple[flo
 def _cost_among(url: str, engine: str, size: int, number: int) -> tuple[float, float, float]:
     """Return the median times to submit, to take and to finish a job among ``size`` others."""
     database = Database(url, announces_jobs=engine == "postgres")
-    store = SqlJobStore(database)
+    store = JobStore(database)
     _fill(database, size)
     times: dict[str, list[float]] = {"submit": [], "take": [], "finish": []}
     for k in range(number):

@@ -46,27 +46,27 @@ def here(remote):
     return run
 
 
-def test_from_submitting_to_the_samples(remote, base, tmp_path):
+def test_from_submitting_to_the_samples(remote, here, base, tmp_path):
     submitted = remote("submit", "-", content=json.dumps(base))
     assert (submitted.returncode, submitted.stderr) == (0, "")
     job = submitted.stdout.strip()
-    waited = remote("wait", job, "--json")
+    waited = here("wait", job, "--json")
     solution = json.loads(waited.stdout)
-    shown = remote("show", solution["id"])
+    shown = here("show", solution["id"])
     period = solution["period"]
     assert f"{period['value']} ± {period['error']:.1e}" in shown.stdout
-    assert json.loads(remote("show", job, "--json").stdout)["solution"] == solution["id"]
+    assert json.loads(here("show", job, "--json").stdout)["solution"] == solution["id"]
     # Of a job or of its solution, by the ending or to stdout.
     csv = remote("get", job).stdout
     assert csv.splitlines()[0] == "t,p,q,r,g1,g2,g3"
     assert len(csv.splitlines()) == 12
     file = tmp_path / "samples.parquet"
-    later = remote("get", solution["id"], "--out", file, "--start", 64, "--stop", 80, "--samples", 5)
-    assert later.returncode == 0
+    later = here("get", solution["id"], "--out", file, "--start", 64, "--stop", 80, "--samples", 5)
+    assert later.exit_code == 0
     assert pq.read_table(file).column("t").to_pylist() == [64, 68, 72, 76, 80]
 
 
-def test_a_sweep_by_a_service(remote, base, tmp_path):
+def test_a_sweep_by_a_service(remote, here, base, tmp_path):
     document = {
         "base": base,
         "axes": [{"pointer": "/motion/lambda", "linspace": [1, 2, 5]}],
@@ -77,11 +77,11 @@ def test_a_sweep_by_a_service(remote, base, tmp_path):
     assert (done.returncode, len(done.stdout.splitlines())) == (0, 6)
     assert "\r" not in done.stderr  # no bar: nobody watches
     sweep = done.stderr.split()[1]
-    listed = json.loads(remote("list", "points=5", "--of", "sweeps", "--json").stdout)
+    listed = json.loads(here("list", "points=5", "--of", "sweeps", "--json").stdout)
     assert sweep in {row["id"] for row in listed}
     again = remote("get", sweep, "--where", "index<2")
     assert len(again.stdout.splitlines()) == 3
-    assert remote("sweep", tmp_path / "sweep.json", "--remote", "--workers", 2).returncode == 2
+    assert here("sweep", tmp_path / "sweep.json", "--remote", "--workers", 2).exit_code == 2
 
 
 def test_lists_are_tables_for_people_and_json_for_programs(here, base):

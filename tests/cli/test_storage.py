@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from service.cli.commands import app
 from service.storage.database.database import Database
 from service.storage.database.rows import new_id
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.support.databases import PROBLEM, SUMMARY, url_of
 from tests.support.finishing import finish_success
 
@@ -29,7 +29,7 @@ def polhode(sqlite_url, monkeypatch):
 @pytest.fixture
 def solved(sqlite_url):
     database = Database(sqlite_url)
-    jobs = SqlJobStore(database)
+    jobs = JobStore(database)
     job = jobs.submit(PROBLEM, new_id())
     finish_success(jobs, jobs.claim("w", lease_seconds=60.0), SUMMARY, dense=b"d", samples=b"s" * 1_500_000)
     yield jobs.get(job.id)

@@ -9,7 +9,7 @@ from service.jobs.records import AttemptOutcome, JobState
 from service.sandbox import Sandbox
 from service.storage.database.rows import database_now
 from service.storage.inspection.inspect import inspect
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.support.waiting import wait_until
 from tests.workers.chores import CHORES
 from workers.process.pool import ChildrenPool
@@ -77,7 +77,7 @@ def children():
 def workers(database, children):
     """Two workers whose steps the test takes."""
     return [
-        Runner(SqlJobStore(database), ChildrenPool(sandbox, CHORES, slots=1), name=name, limits=LIMITS)
+        Runner(JobStore(database), ChildrenPool(sandbox, CHORES, slots=1), name=name, limits=LIMITS)
         for name, sandbox in zip(("first", "second"), children, strict=True)
     ]
 

@@ -11,7 +11,7 @@ from service.jobs.queue import Lane
 from service.jobs.records import JobState
 from service.storage.database.database import Database
 from service.storage.inspection.inspect import inspect
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.crash.client import problem
 from tests.support.databases import url_of
 from tests.support.effort import seldom
@@ -72,7 +72,7 @@ def test_a_submit_without_an_answer_may_be_repeated(tmp_path):
                 service.call("POST", "/v1/jobs", problem(1))
             assert service.process.wait(timeout=PATIENCE) == -signal.SIGKILL
         database = Database(url_of(tmp_path / "polhode.db"))
-        assert list_jobs(SqlJobStore(database)).total == stored
+        assert list_jobs(JobStore(database)).total == stored
         database.close()
     with serving(tmp_path, workers=1) as service:
         # Whether it is there or not: whoever asks again gets the one solution.
@@ -81,7 +81,7 @@ def test_a_submit_without_an_answer_may_be_repeated(tmp_path):
         assert [each["id"] for each in found["items"]] == [solution["id"]]
     database = Database(url_of(tmp_path / "polhode.db"))
     assert broken(database) == []
-    assert {job.state for job in list_jobs(SqlJobStore(database)).jobs} == {JobState.SUCCEEDED}
+    assert {job.state for job in list_jobs(JobStore(database)).jobs} == {JobState.SUCCEEDED}
     database.close()
 
 

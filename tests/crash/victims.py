@@ -17,12 +17,12 @@ from dataclasses import dataclass, replace
 from sqlalchemy.orm import configure_mappers
 
 from service.jobs.records import Claim, JobKind, JobResult, Refused, Solved
-from service.jobs.store import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.schemas.reading.annotation import Annotation
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import VARIABLE, Database
 from service.storage.database.rows import new_id
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
+from service.storage.keys.idempotency_store import GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.result_store import ResultStore
 from service.storage.sweeps import deleting
@@ -45,7 +45,7 @@ OVER = 0.0
 @dataclass(frozen=True)
 class Stores:
     database: Database
-    jobs: SqlJobStore
+    jobs: JobStore
     sweeps: SweepStore
     audits: AuditStore
     atlases: ResultStore
@@ -342,7 +342,7 @@ DEEDS: tuple[Callable[[Stores], None], ...] = (
 def stores_of(url: str) -> Iterator[Stores]:
     database = Database(url)
     audits, atlases = AuditStore(database), ResultStore(database)
-    yield Stores(database, SqlJobStore(database), SweepStore(database), audits, atlases)
+    yield Stores(database, JobStore(database), SweepStore(database), audits, atlases)
     database.close()
 
 

@@ -2,7 +2,7 @@
 
 from fractions import Fraction
 
-from service.dynamics.identity_cache import MAX_OBJECTS, IdentityCache
+from service.dynamics.identity_cache import MAX_OBJECTS_CACHED, IdentityCache
 
 
 def test_what_is_made_once_is_made_no_more_and_equal_objects_are_apart():
@@ -27,7 +27,7 @@ def test_the_oldest_is_forgotten_first():
         return len(asked)
 
     kept = IdentityCache(noted)
-    numbers = [Fraction(k, 3) for k in range(MAX_OBJECTS + 1)]
+    numbers = [Fraction(k, 3) for k in range(MAX_OBJECTS_CACHED + 1)]
     made = [kept(number) for number in numbers]
     assert [kept(number) for number in numbers[1:]] == made[1:]
-    assert kept(numbers[0]) == MAX_OBJECTS + 2
+    assert kept(numbers[0]) == MAX_OBJECTS_CACHED + 2

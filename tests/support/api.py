@@ -21,7 +21,7 @@ from service.jobs.records import Job, Solved
 from service.sandbox import Sandbox
 from service.settings import Settings
 from service.storage.codecs.packing import encode_arrays, encode_dense
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.verdicts.starting import VerdictChildren
 from tests.support.conformance import check_exchange
 from tests.support.finishing import finish_success
@@ -115,7 +115,7 @@ class Stored:
     solution_id: str
 
 
-def finish(jobs: SqlJobStore, *, summary: dict = SUMMARY, spoil: bool = False) -> Stored:
+def finish(jobs: JobStore, *, summary: dict = SUMMARY, spoil: bool = False) -> Stored:
     """Do a worker's work for the oldest job, with the known function for a solution."""
     claim = jobs.claim("test", lease_seconds=60.0)
     assert claim is not None
@@ -151,7 +151,7 @@ def client(app: FastAPI) -> Iterator[TestClient]:
 
 
 @pytest.fixture
-def stored(client: TestClient, jobs: SqlJobStore) -> Stored:
+def stored(client: TestClient, jobs: JobStore) -> Stored:
     assert client.post("/v1/jobs", json=STATE).status_code == 202
     return finish(jobs)
 

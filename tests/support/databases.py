@@ -11,7 +11,7 @@ from alembic.config import Config
 from service.storage.database.database import Database, make_engine
 from service.storage.database.migration import migrate
 from service.storage.database.revisions import migrations_folder
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.solutions.solution_store import SolutionStore
 from tests.support.postgres import PostgresServer, postgres_server
 
@@ -116,8 +116,8 @@ def database(url: str) -> Iterator[Database]:
 
 
 @pytest.fixture
-def jobs(database: Database) -> SqlJobStore:
-    return SqlJobStore(database)
+def jobs(database: Database) -> JobStore:
+    return JobStore(database)
 
 
 @pytest.fixture

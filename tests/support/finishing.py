@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from service.jobs.records import Claim, Solved
-from service.jobs.store import JobStore
+from service.storage.jobs.job_store import JobStore
 
 
 def finish_success(

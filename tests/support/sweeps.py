@@ -9,7 +9,7 @@ from sqlalchemy import delete
 from service.jobs.records import Claim
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepChunkRow, SweepRow
@@ -48,7 +48,7 @@ def energy_of(indices: NDArray[np.int64]) -> FloatArray:
 
 
 def finish_chunk(
-    jobs: SqlJobStore,
+    jobs: JobStore,
     claim: Claim,
     *,
     series: Mapping[str, Callable[[NDArray[np.int64]], FloatArray]] = {},
@@ -65,7 +65,7 @@ def finish_chunk(
     assert jobs.finish(claim, chunk_outcome(points, 0.05 * count, source))[0]
 
 
-def finish_sweep(jobs: SqlJobStore, chunks: int | None = None, **series: object) -> None:
+def finish_sweep(jobs: JobStore, chunks: int | None = None, **series: object) -> None:
     """Do the work of all chunks there are, or of the first few."""
     done = 0
     while chunks is None or done < chunks:

@@ -24,7 +24,7 @@ from service.storage.codecs.packing import decode_arrays
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from service.storage.database.rows import new_id
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.versions import version_of
 from workers.calibration.reference import CASES, SAMPLES, Case, ReferenceStates, reference_states, samples_of
 from workers.computation.compute import solve_document
@@ -43,7 +43,7 @@ def whole_jobs() -> Iterator[SecondsOf]:
         migrate(url)
         database = Database(url)
         sandbox = Sandbox(1, preload=["workers.computation.compute"])
-        jobs = SqlJobStore(database)
+        jobs = JobStore(database)
 
         def seconds_of(document: str) -> float:
             problem = json.loads(document)

@@ -20,7 +20,7 @@ from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.windows import choose_window, find_windows
 from service.jobs.records import Refused, StoredSolution
 from service.logs import one_line
-from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.sandbox import Sandbox, SandboxError
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
 from service.settings import Settings, read_settings
@@ -131,7 +131,7 @@ def _audited(solution_id: str, stored: StoredSolution, sandbox: Sandbox, seconds
     """Return what an audit of a solution finds."""
     try:
         outcome = sandbox.run(audit_document, json.dumps(stored.problem), "", stored, seconds=seconds)
-    except (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError) as fault:
+    except SandboxError as fault:
         return Repetition(solution_id, Sameness.FAILED, f"it cannot be solved again: {fault}")
     if isinstance(outcome, Refused):
         detail = "it cannot be solved again: {code}: {detail}".format(**outcome.error)

@@ -24,6 +24,7 @@ from service.schemas.atlas.reading import read_atlas
 from service.schemas.atlas.replies import AtlasOut
 from service.schemas.atlas.showing import describe_atlas, picture_of
 from service.schemas.problem.problem import read_problem
+from service.schemas.reading.documents import Part
 from service.schemas.replies.solution_text import describe_solution
 from service.schemas.replies.study import describe_answer
 from service.schemas.replies.verdict_text import Refusal
@@ -83,8 +84,7 @@ def _compute(document: str, settings: Settings) -> SolveOutcome:
             try:
                 report = sandbox.run(examine_problem, document, seconds=settings.verdict_seconds)
             except SandboxTimeoutError:
-                detail = f"no verdict within POLHODE_VERDICT_SECONDS = {settings.verdict_seconds:g}"
-                return _failed("verdict_time_limit", detail)
+                return _too_late("no verdict", settings)
         seconds = settings.job_seconds
         with suppress(NeedsKernelsError), console.status("solving …"):
             return sandbox.run(solve_examined, document, report, seconds=seconds)
@@ -121,6 +121,11 @@ def _in_child(
         sandbox.close()
 
 
+def _too_late(unfinished: str, settings: Settings) -> Refused:
+    limit = f"POLHODE_VERDICT_SECONDS = {settings.verdict_seconds:g}"
+    return _failed("verdict_time_limit", f"{unfinished} within {limit}")
+
+
 def _failed(code: str, detail: str) -> Refused:
     return Refused({"code": code, "detail": detail})
 
@@ -143,13 +148,10 @@ def draw_file(file: Path, *, as_json: bool, picture: Path | None) -> int:
     document = read_document(file)
     error = refusal_of_reading(document, read_atlas)
     result = {"error": error} if error is not None else _drawn(document, settings)
-    if isinstance(result, str):
-        say(result)
-        return _REFUSED
     if "error" in result:
         if as_json:
             answer(json.dumps(result["error"]) + "\n")
-        say(Refusal.model_validate(result["error"]).reason())
+        say(_reason(result["error"]))
         return _REFUSED
     drawn = AtlasOut.model_validate(result["verdict"])
     if picture is not None:
@@ -252,30 +254,26 @@ def _corners(kind: str, given: Mapping[str, str]) -> list[tuple[float, float]]:
     return [(x, y), (right, y), (right, bottom), (x, bottom)]
 
 
-def _drawn(document: object, settings: Settings) -> dict[str, object] | str:
-    """Return the atlas or its refusal, or for people why there is neither."""
+def _drawn(document: object, settings: Settings) -> Part:
+    """Return the atlas or its refusal."""
     # Not at the top: it loads the solvers.
     from workers.computation.atlases import with_stability  # noqa: PLC0415
 
     request = json.dumps(document)
-    sandbox = Sandbox(1, memory_mb=settings.job_memory_mb, preload=[with_stability.__module__])
-    limit = f"POLHODE_VERDICT_SECONDS = {settings.verdict_seconds:g}"
-    try:
+
+    def work(sandbox: Sandbox) -> Part | Refused:
         with Console(stderr=True).status("drawing …"):  # shows nothing where stderr is not a terminal
-            result = sandbox.run(examine_atlas, request, seconds=settings.verdict_seconds)
+            try:
+                result = sandbox.run(examine_atlas, request, seconds=settings.verdict_seconds)
+            except SandboxTimeoutError:
+                return _too_late("no atlas", settings)
             if read_atlas(document).wants_stability:
-                limit = f"POLHODE_JOB_SECONDS = {settings.job_seconds:g}"
                 result = sandbox.run(with_stability, request, result, seconds=settings.job_seconds)
-    except SandboxTimeoutError:
-        return f"no atlas within {limit}"
-    except SandboxMemoryError:
-        return f"no atlas within POLHODE_JOB_MEMORY_MB = {settings.job_memory_mb}"
-    except SandboxCrashError as fault:
-        return f"no atlas: {fault}"
-    finally:
-        sandbox.close()
-    read: dict[str, object] = json.loads(result)
-    return read
+        drawn: Part = json.loads(result)
+        return drawn
+
+    drawn = _in_child(work, settings, preload=with_stability.__module__, unfinished="no atlas")
+    return {"error": drawn.error} if isinstance(drawn, Refused) else drawn
 
 
 Summary = Mapping[str, Any]

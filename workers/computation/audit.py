@@ -20,14 +20,13 @@ import numpy as np
 from service.dynamics.bounds import is_within, largest
 from service.dynamics.equations.orientation import orientation_errors, trajectory_columns, trajectory_errors
 from service.dynamics.motion import COLUMNS
-from service.dynamics.solution.dense_output import DenseOutput, OutsideHorizonError
+from service.dynamics.solution.dense_output import EPSILON, DenseOutput, OutsideHorizonError
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
 from service.storage.codecs.packing import CodecError, FloatArray, decode_arrays, decode_dense, unpack_arrays
 from workers.computation.compute import solve_document, way_to_repeat
 
 COMPARED_TIMES = 33
 """Number of times at which two functions of time are compared."""
-_EPSILON = 2.0**-52
 _NUMBERS: Mapping[str, tuple[str, ...]] = {
     "period": ("period",),
     "energy": ("energy",),
@@ -131,7 +130,6 @@ def _has_same_arrays(one: bytes, other: bytes) -> bool:
 def _changed_provenance(stored: StoredSolution, again: Solved) -> list[str]:
     """Return what of the provenance differs; older solutions that tell no processor are of another one."""
     before, now = stored.summary.get("provenance"), again.summary["provenance"]
-    assert isinstance(now, Mapping)
     # Before it was told, there was one way.
     known = {"way": "compiled", **before} if isinstance(before, Mapping) else {}
     return [name for name, value in now.items() if known.get(name) != value]
@@ -215,7 +213,7 @@ def _errors(
 
 def _error_of_times(summary: Mapping[str, object], times: FloatArray) -> float:
     """Return by how much rounding, and with times in periods the error of the period, may move a time."""
-    last, relative = float(np.max(np.abs(times), initial=0.0)), _EPSILON
+    last, relative = float(np.max(np.abs(times), initial=0.0)), EPSILON
     period, problem = _member(summary, ("period",)), _member(summary, ("problem",))
     if period is not None and problem is not None and "periods" in (_member(problem, ("time",)) or {}):
         value, error = _number(period, "period")

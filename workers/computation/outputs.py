@@ -219,8 +219,7 @@ def _stability(problem: Problem, motion: Motion, proven: Certified | None) -> St
     """Return the stability: proven of classical motions and in the tier certified, else estimated."""
     if isinstance(problem.motion, ClassicalMotion):
         return classical_stability(problem, proven_start(problem))
-    assert isinstance(problem.motion, PlanarMotion)
-    found = _planar_stability(problem, problem.motion, motion)
+    found = _planar_stability(problem, problem.motion_as(PlanarMotion), motion)
     return found if proven is None else planar_stability(problem, proven_start(problem), proven, found)
 
 

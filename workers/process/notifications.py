@@ -10,7 +10,7 @@ from service.storage.jobs.queue import CHANNEL
 
 
 class Notifications:
-    """The :class:`~workers.process.worker.Announcements` of jobs that other machines have queued.
+    """Announcements of jobs that other machines have queued.
 
     They only shorten waiting: a job announced while not listening is found by
     the next poll.
@@ -27,13 +27,13 @@ class Notifications:
         ours = self._engine.raw_connection()
         connection = ours.driver_connection
         ours.detach()  # it does not go back to the pool
-        assert isinstance(connection, psycopg.Connection)
+        assert isinstance(connection, psycopg.Connection)  # SQLAlchemy gives it as any driver's
         connection.autocommit = True
         connection.execute(sql.SQL("LISTEN {}").format(sql.Identifier(CHANNEL)))
         self._connection = connection
 
     def fileno(self) -> int:
-        """Return the descriptor of the connection; -1 if there is none."""
+        """Return the descriptor to select on, that of the connection; -1 while not listening."""
         return -1 if self._connection is None else self._connection.fileno()
 
     def clear(self) -> None:

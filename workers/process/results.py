@@ -9,10 +9,10 @@ from typing import TypedDict
 
 from service.jobs.kernels import NEVER, WAITS, NeedsKernelsError, Outlook
 from service.jobs.records import Claim, ClaimedJobs, JobKind, Outcome, SolveOutcome
-from service.jobs.store import JobStore
 from service.logs import Complaints, place_of
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database.availability import is_away
+from service.storage.jobs.job_store import JobStore
 from workers.process.batches import TakingTerms
 from workers.process.messages import RemoteFaultError, faults_text
 from workers.process.pool import ReturnedError

@@ -9,7 +9,7 @@ import selectors
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from sqlalchemy.exc import SQLAlchemyError
 
@@ -21,7 +21,7 @@ from service.settings import Settings
 from service.stopping import StopAsked
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.jobs.worker_registry import WorkerRegistry
 from workers.process.pool import Pool
 from workers.process.results import JobLimits
@@ -104,22 +104,6 @@ _AWAY_SECONDS = 0.5
 """Seconds between attempts while the database is unreachable."""
 
 
-class Announcements(Protocol):
-    """Announces delivered jobs."""
-
-    def listen(self) -> None:
-        """Start listening, if not listening already."""
-        ...
-
-    def fileno(self) -> int:
-        """Return the descriptor to select on; negative while not listening."""
-        ...
-
-    def clear(self) -> None:
-        """Discard pending announcements."""
-        ...
-
-
 class EngineLoop:
     """The loop of a worker.
 
@@ -152,7 +136,7 @@ class EngineLoop:
         waker: Waker,
         *,
         service: WorkerSocket | None,
-        announcements: Announcements | None,
+        announcements: "Notifications | None",
         takes_jobs: Callable[[], bool],
         is_warm: Callable[[], bool],
         kernels: Callable[[], Kernels | None],
@@ -321,7 +305,7 @@ def _loop(
         retry_seconds=settings.retry_seconds,
     )
     runner = Runner(
-        SqlJobStore(database), equipment.pool, name=worker.name, limits=limits, outlook=presence.outlook
+        JobStore(database), equipment.pool, name=worker.name, limits=limits, outlook=presence.outlook
     )
     notifications = _notifications(database) if database.announces_jobs else None
     loop = EngineLoop(

@@ -319,8 +319,8 @@ def speed_in_doubles(problem: Problem) -> float | None:
     # The compiler is loaded only where it is needed.
     from workers.solvers.compiled.solve import solve_spectral  # noqa: PLC0415
 
-    assert isinstance(problem.motion, PlanarMotion)
-    found = solve_spectral(problem.body, problem.potential, problem.motion, tier="draft")
+    motion = problem.motion_as(PlanarMotion)
+    found = solve_spectral(problem.body, problem.potential, motion, tier="draft")
     speed = inf if found is None else float(found.bounds.largest)
     return speed if isfinite(speed) else None
 

@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from service.dynamics.accuracy import TIERS
 from service.jobs.records import Refused
 from workers.computation.compiled_code import GROUPS, Group, is_ready, keep_compiled_code, note_of
 from workers.computation.compute import solve_document
@@ -30,7 +31,6 @@ _BASE: Document = MappingProxyType(
         "accuracy": {"tier": "draft"},
     }
 )
-_TIERS = ("draft", "standard", "high", "certified")
 _OTHER_MOMENTS = {
     "body": {"A": "3", "C": "1"},
     "potential": {"type": "homogeneous", "A": ["-1/2", "0", "1", "1/5"], "B": ["-1/3"], "C": ["1/200"]},
@@ -40,9 +40,7 @@ _OUTPUTS = ["period", "gamma", "omega", "invariants", "orientation"]
 
 FIRST_PROBLEMS: Mapping[str, Document] = MappingProxyType(
     {
-        **{
-            tier: {**_BASE, "accuracy": {"tier": tier}} for tier in ("draft", "standard", "high", "certified")
-        },
+        **{tier: {**_BASE, "accuracy": {"tier": tier}} for tier in TIERS},
         "orientation": {**_BASE, "outputs": _OUTPUTS},
     }
 )

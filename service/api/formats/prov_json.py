@@ -108,7 +108,6 @@ def graph_of_points(record: SweepRecord) -> ProvenanceGraphOut:
     graph.derive(points, sweep)
     for number, provenance in enumerate(record.provenances):
         activity, hosts = _name("sweep", record.id, "computation", str(number)), provenance["hosts"]
-        assert isinstance(hosts, list)
         graph.activities[activity] = {"prov:type": "polhode:Computation", **_machine(provenance)}
         graph.use(activity, sweep)
         graph.generate(points, activity)

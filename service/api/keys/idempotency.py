@@ -12,9 +12,16 @@ from starlette.concurrency import run_in_threadpool
 
 from service.api.replies.errors import ApiError, invalid_request
 from service.jobs.keys import ApiKey
-from service.jobs.store import GivenAnswer, GivenKey, KeyTakenError, Made, Receipt, fingerprint
 from service.schemas.reading.documents import Fault
-from service.storage.keys.idempotency_store import IdempotencyStore
+from service.storage.keys.idempotency_store import (
+    GivenAnswer,
+    GivenKey,
+    IdempotencyStore,
+    KeyTakenError,
+    Made,
+    Receipt,
+    fingerprint,
+)
 
 REPLAYED = "Idempotency-Replayed"
 IN_USE_SECONDS = 1

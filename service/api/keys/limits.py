@@ -177,7 +177,7 @@ def check_problem_samples(problem: Problem, settings: Settings) -> None:
         It asks for more.
     """
     listed = isinstance(problem.time, TimeList)
-    samples = len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples
+    samples = problem.time.samples
     if samples > settings.max_samples:
         pointer = "/time/times" if listed else "/time/samples"
         raise InvalidProblemError([_too_many_samples(pointer, samples, settings)])

@@ -25,7 +25,7 @@ from service.jobs.records import (
     SweepNotFoundError,
 )
 from service.logs import Complaints, about, place_of
-from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.sandbox import SandboxCrashError, SandboxError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.reading.documents import Fault, InvalidProblemError
 from service.schemas.sweep.reading import InvalidSweepError
 from service.storage.database.availability import is_away
@@ -68,10 +68,9 @@ def install(app: FastAPI) -> None:
         StillAtWorkError,
         InUseError,
         SearchTimeError,
+        SandboxError,
     ):
         app.add_exception_handler(cause, respond)
-    for limit in (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError):
-        app.add_exception_handler(limit, respond)
     app.add_exception_handler(SQLAlchemyError, respond)
     app.add_exception_handler(ClientDisconnect, respond)
     app.add_exception_handler(Exception, respond)

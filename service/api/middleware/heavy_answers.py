@@ -72,6 +72,7 @@ def heavy(endpoint: Callable[P, Response]) -> Callable[P, Awaitable[Response]]:
     @wraps(endpoint)
     async def in_a_slot(*args: P.args, **kwargs: P.kwargs) -> Response:
         request, inside = kwargs["request"], kwargs["inside"]
+        # FastAPI calls endpoints by the names of their parameters, of which types know nothing.
         assert isinstance(request, Request)
         assert isinstance(inside, Resources)
         return await made_in_a_slot(request, inside, partial(endpoint, *args, **kwargs))

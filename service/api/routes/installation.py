@@ -20,7 +20,7 @@ from service.dynamics.accuracy import MotionKind
 from service.dynamics.problem import Tier
 from service.jobs.kernels import most_missing
 from service.jobs.records import AttemptOutcome
-from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.sandbox import SandboxError
 from service.schemas.replies.installation import AccuracyOut, AccuracyRowOut, FamiliesOut, UnavailableOut
 from service.schemas.replies.job import ClusterOut, StatusOut
 from service.schemas.replies.solution import CompilingOut, HealthOut, ReadinessOut
@@ -137,7 +137,7 @@ def _sandbox(inside: Resources) -> str:
         return OK  # busy with verdicts, each of which has a time limit
     try:
         inside.sandbox.run(answer_ping, seconds=_PING_SECONDS)
-    except (SandboxTimeoutError, SandboxMemoryError, SandboxCrashError, CancelledError):
+    except (SandboxError, CancelledError):
         return "no child process answers"
     return OK
 

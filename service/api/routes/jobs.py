@@ -45,12 +45,12 @@ from service.api.submission import (
 from service.api.verdicts.examiner import Submission
 from service.jobs.queue import Lane
 from service.jobs.records import Job, JobKind, JobPage, JobState
-from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery, in_state
 from service.schemas.reading.documents import Document
 from service.schemas.replies.analysis import CostEstimateOut, QueryEstimateOut
 from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
 from service.settings import Settings
+from service.storage.keys.idempotency_store import Receipt
 from service.storage.searching.sources import OF_JOB_ROWS, OF_STUDY_ROWS
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])

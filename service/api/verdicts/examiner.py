@@ -19,7 +19,7 @@ from service.api.verdicts.verdict_queue import Claimant, VerdictQueue
 from service.api.verdicts.verdict_queue import Examination as Call
 from service.cache import Cache
 from service.dynamics.accuracy import AccuracyTable
-from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
+from service.sandbox import SandboxError
 from service.schemas.problem.problem import check_problem, choose_tier, problem_digest, with_tier
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
@@ -88,7 +88,7 @@ async def examine(verdicts: VerdictQueue, examination: Call, text: str, claimant
     ------
     ApiError
         422 with what the examination found; 503 if too many wait for verdicts.
-    SandboxTimeoutError, SandboxMemoryError, SandboxCrashError
+    SandboxError
         The computation did not finish.
     """
     return verdict_in(json.loads(await verdicts.ask(examination, text, claimant)))
@@ -137,7 +137,7 @@ async def examine_with_formulas(
         rest = deadline - time.monotonic()
         if rest <= 0:
             break
-        with suppress(ApiError, SandboxTimeoutError, SandboxMemoryError, SandboxCrashError):
+        with suppress(ApiError, SandboxError):
             answers.append(await verdicts.ask(simplify_formula, work, claimant, crashes=0, seconds=rest))
     return with_simplified(verdict, answers)
 

@@ -104,7 +104,7 @@ class VerdictQueue:
         ------
         ApiError
             503: the queue is full, or no child became free in time.
-        SandboxTimeoutError, SandboxMemoryError, SandboxCrashError
+        SandboxError
             It did not come to an end.
         """
         call = self._enter(_Call(examination, text, claimant, crashes, self._deadline(seconds)))

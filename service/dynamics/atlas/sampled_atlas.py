@@ -39,7 +39,7 @@ CHANGE_LOG_WIDTH = 1e-10
 """Width in log λ down to which a stretch with different ends is halved."""
 MAX_HALVINGS = 60
 """Halvings: from a range of 1e18 to CHANGE_LOG_WIDTH."""
-MAX_RESAMPLINGS = 4
+MAX_RESAMPLING_ROUNDS = 4
 """So often the λ that parts are followed at may show something new."""
 ZERO_RELATIVE_WIDTHS = [2.0**k for k in range(-49, -18, 3)]
 """Relative widths to both sides of a estimated zero that are tried."""
@@ -132,7 +132,7 @@ def sampled_parts(
     """Return the parts between these logarithms of the primed λ, each seen at ``fewest`` λ or more."""
     sampler.sample(np.linspace(low, high, samples).tolist())
     parts: list[SampledPart] = []
-    for _ in range(MAX_RESAMPLINGS):
+    for _ in range(MAX_RESAMPLING_ROUNDS):
         sampler.halve(is_late)
         found = sampler.parts()
         if is_late() or [part.signatures for part in found] == [part.signatures for part in parts]:

@@ -29,7 +29,7 @@ MAX_GAP_RELATIVE_WIDTH = 0.3
 MAX_GAPS = 4
 BEND_CELLS = 4
 """Cells on which X² D is bounded."""
-BENT = 2
+SIGNED = 2
 """Marks a cell on which X² D has one sign: it is not cut."""
 TURN_CELL_RELATIVE_WIDTH = 1e-13
 """Relative width of the cell about a place."""
@@ -208,7 +208,7 @@ def _row(gap: TurningGap, ends: Sequence[float], signs: Sequence[int], slopes: S
     low, high = np.array(ends[:-1]), np.array(ends[1:])
     cells = Cells(np.full(n, gap.owner), np.full(n, gap.hemisphere), low[order], high[order])
     nothing = np.zeros(n, dtype=np.bool_)
-    return SignMap(cells, CellSigns(np.array(signs), np.array(slopes), nothing, nothing), np.full(n, BENT))
+    return SignMap(cells, CellSigns(np.array(signs), np.array(slopes), nothing, nothing), np.full(n, SIGNED))
 
 
 def _cells(gaps: Sequence[TurningGap], low: FloatArray, high: FloatArray) -> Cells:

@@ -30,7 +30,7 @@ MAX_CUTS = 20
 """Largest number of cuts: 2^-40 of a piece."""
 PIECES_WITH_PARTS = 64
 """Pieces that are looked at together with their parts."""
-MAX_WAITING = 512
+MAX_STRETCHES_CUT = 512
 """Stretches of a generation that are cut: where values are lost in rounding, their number grows with each."""
 SERIES_RELATIVE_ROUNDING = 2.0**-48
 """Rounding error of sums of a Chebyshev series, relative to the sum of its absolute values."""
@@ -127,7 +127,7 @@ class Cutter:
             else:
                 tail = self._tails(waiting)
             is_done = np.asarray((tail <= allowed).all(axis=1))
-            is_last = generation == MAX_CUTS or np.count_nonzero(~is_done) > MAX_WAITING + count
+            is_last = generation == MAX_CUTS or np.count_nonzero(~is_done) > MAX_STRETCHES_CUT + count
             kept = np.ones_like(is_done) if is_last else is_done
             tail[~is_done] = np.nan
             done.append(Stretches(waiting.piece[kept], waiting.middle[kept], waiting.half[kept], tail[kept]))

@@ -23,9 +23,9 @@ from service.dynamics.verdict.proofs.energy_terms import power_text, sum_text, t
 
 MAX_TERMS = 500
 """Terms of any sum on the way."""
-MAX_WORK = 20_000
+MAX_TERM_PRODUCTS = 20_000
 """Products of terms in one expansion."""
-MAX_POWER = 60
+MAX_EXPANDED_POWER = 60
 """Power of a sum that is multiplied out."""
 MAX_COEFFICIENT_BITS = 8192
 """Bits of a numerator or a denominator on the way."""
@@ -83,8 +83,8 @@ def _expand(tape: Tape, g1_sign: int, g3_sign: int, *, plain: int) -> Expansion 
         most_atoms=MAX_ATOMS,
         most_argument_terms=MAX_ATOM_TERMS,
         most_terms=MAX_TERMS,
-        most_work=MAX_WORK,
-        most_power=MAX_POWER,
+        most_work=MAX_TERM_PRODUCTS,
+        most_power=MAX_EXPANDED_POWER,
         most_bits=MAX_COEFFICIENT_BITS,
     )
     try:

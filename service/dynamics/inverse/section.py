@@ -34,7 +34,7 @@ from service.dynamics.inverse.monomial_sums import Expansion
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.verdict.proofs.energy_terms import power_text, sum_text, term_text
 
-MAX_EXPANDED = 60
+MAX_EXPANDED_POWER = 60
 """Largest power of 1 - g2² that is multiplied out."""
 
 _ZERO = Fraction(0)
@@ -118,7 +118,7 @@ def section(body: RigidBody, expansion: Expansion) -> SectionSum | None:
     reduced: list[tuple[_Factor, Polynomial]] = []
     for factor, parts in collected.items():
         exponents = [rho for rho, _ in parts]
-        if max(exponents) - min(0, *exponents) > MAX_EXPANDED:
+        if max(exponents) - min(0, *exponents) > MAX_EXPANDED_POWER:
             return None
         is_whole = factor.rho == 0
         for power, polynomial in _by_powers_of_rho(

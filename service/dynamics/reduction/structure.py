@@ -95,11 +95,11 @@ CUT_ROUNDS = 6
 STRETCH_RELATIVE_WIDTH = 1e-5
 """Width, against the distance to the pole, that a stretch about a zero of higher order, or of none, or about
 an edge may have."""
-MOST_ZEROS = 4
+MAX_HIGH_ZEROS = 4
 """In no more open gaps than these zeros of high order are looked for before cells are halved."""
 SIZE_RELATIVE_DISTANCE = 1 / 16
 """Relative distance from it at which P has its size."""
-NEXT_RELATIVE_DISTANCE = 1e-14
+SAME_PLACE_DISTANCE = 1e-14
 
 
 class SignsUnsettledError(DynamicsError):
@@ -249,7 +249,7 @@ def _with_high_zeros(
         if is_open and not {0, UNDEFINED} & set(signs):
             open_gaps.append((gap, ends, signs))
     # A look for one takes as long as some hundred cells.
-    for gap, ends, signs in open_gaps if len(open_gaps) <= MOST_ZEROS else ():
+    for gap, ends, signs in open_gaps if len(open_gaps) <= MAX_HIGH_ZEROS else ():
         zero = high_zero(half, *ends, signs, radicand)
         if zero is not None and zero.is_proved:
             found[ends] = zero
@@ -278,9 +278,7 @@ def _labels_around(sign_map: SignMap, gap: Gap) -> tuple[int, int]:
 def _is_between(v: arb, start: Side, stop: Side) -> bool:
     """Tell whether a zero, on either half, lies on the stretch, as far as doubles resolve."""
     low, high = (x if side > 0 else np.pi - x for side, x in (start, stop))
-    return bool(
-        low * (1.0 - NEXT_RELATIVE_DISTANCE) <= abs(float(v)) <= high * (1.0 + NEXT_RELATIVE_DISTANCE)
-    )
+    return bool(low * (1.0 - SAME_PLACE_DISTANCE) <= abs(float(v)) <= high * (1.0 + SAME_PLACE_DISTANCE))
 
 
 def _cuts(sign_map: SignMap) -> list[LoopPlace]:

@@ -138,7 +138,7 @@ def _corner(loop: Loop, number: int) -> Axes:
     return (third, second, first) if loop.mirrored else (first, second, third)
 
 
-MAX_POWER = 64
+MAX_RATIO_NUMERATOR = 64
 """Larger numerators of A/C make polynomials that are not divided by."""
 
 
@@ -154,7 +154,7 @@ class CurveOfMotion:
         """Return the polynomial that is zero on the curve, None if it has no rational coefficients."""
         power = self.body.C / self.body.A
         a, c = power.denominator, power.numerator
-        if max(a, c) > MAX_POWER or (a % 2 and self.lambda_ is None):
+        if max(a, c) > MAX_RATIO_NUMERATOR or (a % 2 and self.lambda_ is None):
             return None
         scale = self.lambda_squared ** (a // 2) * ((self.lambda_ or 1) if a % 2 else 1)
         first, _, third = ring.coordinate_index

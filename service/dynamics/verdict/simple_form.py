@@ -28,7 +28,7 @@ from service.dynamics.potentials.families.general_solution import GeneralPotenti
 from service.dynamics.potentials.potential import FormulaPotential, Notice, Potential
 from service.dynamics.verdict.exact_ring.generators import Element
 from service.dynamics.verdict.exact_ring.layout import (
-    MAX_WORK,
+    MAX_TERM_PRODUCTS,
     Layout,
     NoProofError,
     UndefinedInOctantError,
@@ -43,7 +43,7 @@ from service.dynamics.verdict.sphere.switches import normalise
 
 SIMPLER_POTENTIAL = "simpler_potential"
 """The code of the warning."""
-MAX_SEARCH_PRODUCTS = MAX_WORK // 10
+MAX_SEARCH_PRODUCTS = MAX_TERM_PRODUCTS // 10
 """Products of terms that one search may take: some tenths of a second."""
 MAX_LOST_ROUNDINGS = 2.0**8
 """Roundings of the largest value that a formula may lose at a place, before a simpler one is looked for."""
@@ -135,14 +135,14 @@ def _simpler(tape: Tape) -> Tree | None:
             gain = _gain(simple, tape, widths, needed)
             if gain > least + BETTER_BITS * (best is not None):
                 best, least = (tree, simple), gain
-    if best is None or not same_on_sphere(tape, best[1], Work(MAX_WORK - MAX_SEARCH_PRODUCTS)):
+    if best is None or not same_on_sphere(tape, best[1], Work(MAX_TERM_PRODUCTS - MAX_SEARCH_PRODUCTS)):
         return None
     return best[0]
 
 
 def _texts(tape: Tape) -> Iterator[str]:
     """Yield formulas of a formula's normal form, the shortest first."""
-    rings, elements, dependent = _read(tape, Work(MAX_WORK - MAX_SEARCH_PRODUCTS))
+    rings, elements, dependent = _read(tape, Work(MAX_TERM_PRODUCTS - MAX_SEARCH_PRODUCTS))
     for divisors, without in product((False, True), (None, 1, 0, 2)):
         with suppress(NoProofError, NoTextError):
             yield ElementText(rings, dependent, divisors=divisors, without=without).of(elements)

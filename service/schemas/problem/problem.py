@@ -30,7 +30,7 @@ from service.dynamics.accuracy import (
 )
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.potentials.potential import FormulaPotential
-from service.dynamics.problem import Problem, StateMotion, TimeList
+from service.dynamics.problem import Problem, StateMotion
 from service.schemas.problem.documents import MEMBERS, ProblemIn, ValidationIn
 from service.schemas.problem.questions import Question, question_of
 from service.schemas.problem.rules import CheckedProblem, Reading, combination_faults, read_setting
@@ -189,7 +189,7 @@ def with_tier(document: Part, choice: TierChoice) -> Part:
 
 def samples_of(problem: Problem) -> int:
     """Return how many samples a problem asks for."""
-    return len(problem.time.times) if isinstance(problem.time, TimeList) else problem.time.samples
+    return problem.time.samples
 
 
 def kind_of(problem: Problem, window: Part | None) -> MotionKind:

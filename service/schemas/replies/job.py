@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.schemas.replies.response_model import ResponseModel
+from service.schemas.replies.response_model import Columns, PageOut, ResponseModel
 from service.schemas.replies.verdict import CounterexampleOut, EvidenceOut, ExistenceOut, MotionWindowOut
 
 StateName = Literal["queued", "running", "succeeded", "failed", "cancelled"]
@@ -18,7 +18,10 @@ class JobOut(ResponseModel):
     state: StateName = Field(description="The last three are final.")
     priority: int = Field(description="Larger first.")
     attempt: int = Field(description="Number of times a worker has taken it.")
-    progress: float = Field(description="From 0 to 1.")
+    progress: float = Field(
+        description="From 0 to 1, which only what has succeeded has; it never falls. A study tells how much"
+        " of its box is settled, or how many of its steps are done; other jobs tell nothing on the way."
+    )
     error: dict[str, object] | None = Field(description="Why it failed: `code`, `detail` and more.")
     reused: bool = Field(description="Its solution was computed for an earlier job.")
     solution: str | None = Field(description="Id of the solution, when succeeded.")
@@ -50,21 +53,8 @@ class JobListOut(ResponseModel):
     items: list[JobItemOut] = Field(description="One result for each problem.")
 
 
-class JobPageOut(ResponseModel):
+class JobPageOut(PageOut[JobOut | Columns]):
     """Some jobs, newest first."""
-
-    items: list[JobOut | dict[str, float | str | bool | None]] = Field(
-        description="In the order that was asked for; with `columns` the values of these by their names."
-    )
-    total: int | None = Field(
-        description="Jobs that match in all; null with `where` or `after`, unless `count=exact`."
-    )
-    limit: int = Field(description="Items on a page at most.")
-    offset: int = Field(description="Items left out before this page.")
-    next: str | None = Field(
-        description="Query of the next page, to be resolved against the URL that was asked; also in the"
-        " header Link. Null on the last one."
-    )
 
 
 KindName = Literal["solve", "chunk", "atlas", "study"]
@@ -110,21 +100,8 @@ class ChunkJobOut(ResponseModel):
     )
 
 
-class ChunkJobPageOut(ResponseModel):
+class ChunkJobPageOut(PageOut[ChunkJobOut | Columns]):
     """Some jobs of a sweep."""
-
-    items: list[ChunkJobOut | dict[str, float | str | bool | None]] = Field(
-        description="In the order that was asked for; with `columns` the values of these by their names."
-    )
-    total: int | None = Field(
-        description="Jobs that match in all; null with `where` or `after`, unless `count=exact`."
-    )
-    limit: int = Field(description="Items on a page at most.")
-    offset: int = Field(description="Items left out before this page.")
-    next: str | None = Field(
-        description="Query of the next page, to be resolved against the URL that was asked; also in the"
-        " header Link. Null on the last one."
-    )
 
 
 class QueuePartOut(ResponseModel):

@@ -1,9 +1,9 @@
 """The base class of all answers, and words that several of them and the page share."""
 
 from collections.abc import Iterable, Mapping
-from typing import Literal, get_args
+from typing import Generic, Literal, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 from pydantic.config import JsonDict
 
 
@@ -16,6 +16,28 @@ class ResponseModel(BaseModel):
     """The base class of all answers: every field is always present."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, json_schema_extra=_may_grow)
+
+
+Item = TypeVar("Item")
+Columns = dict[str, float | str | bool | None]
+"""A row of a list that was asked for by its columns."""
+
+
+class PageOut(ResponseModel, Generic[Item]):
+    """The base class of all pages of lists."""
+
+    items: list[Item] = Field(
+        description="In the order that was asked for; with `columns` the values of these by their names."
+    )
+    total: int | None = Field(
+        description="Items that match in all; null with `where` or `after`, unless `count=exact`."
+    )
+    limit: int = Field(description="Items on a page at most.")
+    offset: int = Field(description="Items left out before this page.")
+    next: str | None = Field(
+        description="Query of the next page, to be resolved against the URL that was asked; also in the"
+        " header Link. Null on the last one."
+    )
 
 
 QuadrantOut = Literal["pp", "mp", "pm", "mm"]

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from service.dynamics.bounds import ErrorKind
 from service.schemas.replies.job import ClusterOut, StateName
-from service.schemas.replies.response_model import ENDS_IN_WORDS, ResponseModel
+from service.schemas.replies.response_model import ENDS_IN_WORDS, Columns, PageOut, ResponseModel
 from service.schemas.replies.verdict import KnownCaseOut, NoticeOut
 
 
@@ -122,7 +122,10 @@ class StabilityOut(ResponseModel):
     trusted_time: float | None = Field(
         description="Until about this time double precision keeps the problem's tolerance, in the tier"
         " certified that of the tier standard: what roundings grow to stays below it; null if beyond"
-        " a million periods."
+        " a million periods. If `error_kind` calls it a theorem: a rounding of the state at the beginning of"
+        " every period, carried on by the equations of variation (the equations to first order), stays below"
+        " it until this time, by enclosures of what one period and its parts do to neighbours. It does not"
+        " bound what an integrator loses in its own steps."
     )
 
 
@@ -245,21 +248,8 @@ class SolutionOut(ResponseModel):
     created_at: datetime = Field(description="When it was stored, UTC.")
 
 
-class SolutionPageOut(ResponseModel):
+class SolutionPageOut(PageOut[SolutionOut | Columns]):
     """Some of the solutions that match."""
-
-    items: list[SolutionOut | dict[str, float | str | bool | None]] = Field(
-        description="In the order that was asked for; with `columns` the values of these by their names."
-    )
-    total: int | None = Field(
-        description="Solutions that match in all; null with `where` or `after`, unless `count=exact`."
-    )
-    limit: int = Field(description="Items on a page at most.")
-    offset: int = Field(description="Items left out before this page.")
-    next: str | None = Field(
-        description="Query of the next page, to be resolved against the URL that was asked; also in the"
-        " header Link. Null on the last one."
-    )
 
 
 class TrajectoryOut(ResponseModel):
@@ -448,18 +438,5 @@ class AuditOut(ResponseModel):
     finished_at: datetime | None = Field(description="When the job came to its final state.")
 
 
-class AuditPageOut(ResponseModel):
+class AuditPageOut(PageOut[AuditOut | Columns]):
     """Some audits of a solution, newest first."""
-
-    items: list[AuditOut | dict[str, float | str | bool | None]] = Field(
-        description="In the order that was asked for; with `columns` facts of their jobs by their names."
-    )
-    total: int | None = Field(
-        description="Audits that match in all; null with `where` or `after`, unless `count=exact`."
-    )
-    limit: int = Field(description="Items on a page at most.")
-    offset: int = Field(description="Items left out before this page.")
-    next: str | None = Field(
-        description="Query of the next page, to be resolved against the URL that was asked; also in the"
-        " header Link. Null on the last one."
-    )

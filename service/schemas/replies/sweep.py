@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from service.schemas.replies.job import StateName
-from service.schemas.replies.response_model import ResponseModel
+from service.schemas.replies.response_model import Columns, PageOut, ResponseModel
 from service.schemas.replies.solution import ProvenanceOut
 
 
@@ -58,24 +58,11 @@ class SweepOut(SweepStateOut):
     )
 
 
-class SweepPageOut(ResponseModel):
+class SweepPageOut(PageOut[SweepStateOut | Columns]):
     """Some sweeps, newest first."""
 
-    items: list[SweepStateOut | dict[str, float | str | bool | None]] = Field(
-        description="In the order that was asked for; with `columns` the values of these by their names."
-    )
-    total: int | None = Field(
-        description="Sweeps that match in all; null with `where` or `after`, unless `count=exact`."
-    )
-    limit: int = Field(description="Items on a page at most.")
-    offset: int = Field(description="Items left out before this page.")
-    next: str | None = Field(
-        description="Query of the next page, to be resolved against the URL that was asked; also in the"
-        " header Link. Null on the last one."
-    )
 
-
-class PointPageOut(ResponseModel):
+class PointPageOut(PageOut[dict[str, object]]):
     """Some of the computed points."""
 
     items: list[dict[str, object]] = Field(
@@ -84,12 +71,6 @@ class PointPageOut(ResponseModel):
     )
     total: int | None = Field(
         description="Number of computed points that match; null with `after`, unless `count=exact`."
-    )
-    limit: int = Field(description="Items on a page at most.")
-    offset: int = Field(description="Items left out before this page.")
-    next: str | None = Field(
-        description="Query of the next page, to be resolved against the URL that was asked; also in the"
-        " header Link. Null on the last one."
     )
     points: int = Field(description="Of the whole sweep.")
     done: int = Field(description="Points computed so far; the others are missing here.")

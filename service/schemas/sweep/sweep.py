@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from service.dynamics.equations.orientation import PRECESSION, QUATERNION
 from service.dynamics.exact import exact_number, exact_text
 from service.dynamics.motion import columns_of
-from service.dynamics.problem import Output, Problem, StateMotion, TimeList, TimePeriods
+from service.dynamics.problem import Output, Problem, StateMotion, TimePeriods
 from service.dynamics.sweep_axes import Axis, LinearAxis, ListedAxis, LogarithmicAxis, UniformAxis, at
 from service.schemas.problem.trusted import trusted_problem
 from service.schemas.reading.documents import Document, Part, split_pointer, with_values
@@ -200,7 +200,7 @@ def sweep_of(document: Part, axes: tuple[SweepAxis, ...], first: Problem) -> Swe
     columns = _series_columns(first) if document.get("series", False) else ()
     samples = 0
     if columns:
-        samples = len(first.time.times) if isinstance(first.time, TimeList) else first.time.samples
+        samples = first.time.samples
     keep = tuple(document.get("keep", DEFAULT_KEEP))
     return Sweep(document["base"], axes, document.get("combine", "grid"), keep, columns, samples, first)
 

@@ -240,7 +240,7 @@ def _stopped_after(session: Session, seconds: float) -> Iterator[None]:
         yield
         return
     driver, end = connection.connection.driver_connection, time.monotonic() + seconds
-    assert isinstance(driver, SqliteConnection)
+    assert isinstance(driver, SqliteConnection)  # what SQLAlchemy does not tell of a connection of its own
     driver.set_progress_handler(lambda: time.monotonic() > end, _STEPS)
     try:
         yield

@@ -220,22 +220,15 @@ def _noted_source(sweep: SweepRow, source: Mapping[str, object] | None) -> dict[
         return {}
     provenance = {name: value for name, value in source.items() if name != "host"}
     host = str(source.get("host"))
-    known = [{**each} for each in sweep.provenances or ()]
+    known: list[Part] = list(sweep.provenances or ())
     found = (k for k, each in enumerate(known) if {**each, "hosts": None} == {**provenance, "hosts": None})
     place = next(found, len(known))
     if place == len(known):
-        known.append({**provenance, "hosts": [host]})
-        sweep.provenances = known
-    elif host not in (hosts := _hosts(known[place])):
-        known[place]["hosts"] = [*hosts, host]
-        sweep.provenances = known
+        known.append({**provenance, "hosts": []})
+    if host not in (hosts := known[place]["hosts"]):
+        known[place] = {**known[place], "hosts": [*hosts, host]}
+        sweep.provenances = list(map(dict, known))
     return {"host": host, "provenance": place}
-
-
-def _hosts(provenance: Part) -> list[object]:
-    hosts = provenance["hosts"]
-    assert isinstance(hosts, list)
-    return hosts
 
 
 def _top_up(session: Session, sweep: SweepRow, most: int) -> list[JobRow]:

@@ -1,4 +1,8 @@
-"""The store of jobs in SQL; one method is one transaction."""
+"""The store of jobs in SQL; one method is one transaction.
+
+Every write of a worker checks its claim (job, worker, attempt): it returns False and changes nothing if the
+claim was lost, by an expired lease or a cancellation.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -27,7 +31,6 @@ from service.jobs.records import (
     Solved,
     SolveOutcome,
 )
-from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
 from service.schemas.reading.documents import Part
@@ -42,7 +45,7 @@ from service.storage.jobs.moves import BEGUN, end_attempt, fence, history, lose,
 from service.storage.jobs.queue import announce
 from service.storage.jobs.records import job_of, jobs_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
-from service.storage.keys.idempotency_store import write_key
+from service.storage.keys.idempotency_store import Receipt, write_key
 from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
@@ -62,8 +65,8 @@ def _claimed(claims: Sequence[Claim]) -> dict[str, object]:
     return {"claimed": [(claim.job_id, claim.worker, claim.attempt) for claim in claims]}
 
 
-class SqlJobStore:
-    """The :class:`~service.jobs.store.JobStore` in SQLite or Postgres."""
+class JobStore:
+    """Jobs and their results, in SQLite or Postgres. Instants and leases are by the database's clock."""
 
     def __init__(self, database: Database) -> None:
         self._database = database
@@ -80,7 +83,14 @@ class SqlJobStore:
         receipt: Receipt[tuple[Job, ...]] | None = None,
         annotation: Annotation = UNANNOTATED,
     ) -> Job:
-        """Store a job; it has succeeded already if an equal problem has been solved."""
+        """Store a job for a canonical problem document, on the account of a key.
+
+        If a solution of the same digest is stored, the job has succeeded already,
+        with that solution and ``reused``. ``examination`` names the windows of
+        its curve; ``found`` is what its examination found, and is kept. With a
+        receipt its answer is stored too, or :class:`.KeyTakenError` is raised and
+        nothing is.
+        """
         (job,) = self.submit_many(
             [(problem, digest)],
             priority=priority,
@@ -104,7 +114,11 @@ class SqlJobStore:
         receipt: Receipt[tuple[Job, ...]] | None = None,
         annotations: Sequence[Annotation] = (),
     ) -> tuple[Job, ...]:
-        """Store a job for each problem and its digest, all of them or none, and the answer of a receipt."""
+        """Do the same for several problems with their digests: all of them are stored, or none.
+
+        They wait in ``lane``. ``examinations`` has one, or None, for each of them, or is empty; so has
+        ``annotations`` their labels and notes.
+        """
         with self._database.write() as session:
             store_rows(session.connection(), found)
             rows = insert_jobs(
@@ -123,7 +137,7 @@ class SqlJobStore:
             return jobs
 
     def get(self, job_id: str) -> Job:
-        """Return a job, or raise :class:`JobNotFoundError`."""
+        """Return a job, or raise :class:`.JobNotFoundError`."""
         with self._database.read() as session:
             return _job(session, _row(session, job_id))
 
@@ -141,7 +155,10 @@ class SqlJobStore:
             return history(session, _row(session, job_id).id)
 
     def annotate(self, job_id: str, change: Callable[[Job], Annotation]) -> Job:
-        """Give a job the labels and the note that ``change`` makes of its present state."""
+        """Give a job the labels and the note that ``change`` makes of its present state.
+
+        Nothing is changed if it raises. Raises :class:`.JobNotFoundError`.
+        """
         with self._database.write() as session:
             row = _row(session, job_id, is_locked=True)
             job = _job(session, row)
@@ -150,7 +167,11 @@ class SqlJobStore:
             return replace(job, annotation=annotation)
 
     def cancel(self, job_id: str) -> Job:
-        """Cancel an unfinished job at once, even while it runs; its claim no longer holds."""
+        """Cancel an unfinished job at once; cancelling again changes nothing.
+
+        Raises :class:`.JobFinishedError` if it has
+        succeeded or failed, :class:`.JobNotFoundError`.
+        """
         with self._database.write() as session:
             row = _row(session, job_id)
             if row.state == JobState.CANCELLED.value:
@@ -177,7 +198,10 @@ class SqlJobStore:
         starved: Sequence[Lane] = (),
         together: int = 1,
     ) -> ClaimedJobs:
-        """Take the first jobs of the queue, in its order."""
+        """Take up to ``count`` queued jobs, in the order of the queue.
+
+        In place of one problem there may be up to ``together``. No two workers get the same job.
+        """
         while True:
             with self._database.write_rows() as connection:
                 taken = take_jobs(connection, worker, count, lease_seconds, starved, together)
@@ -187,7 +211,10 @@ class SqlJobStore:
                 return taken
 
     def heartbeat(self, claims: Sequence[Claim], *, lease_seconds: float) -> frozenset[str]:
-        """Prolong the leases of the claims that still hold; return the ids of their jobs."""
+        """Prolong the leases of claims to ``lease_seconds`` from now, by one statement.
+
+        Return the ids of those jobs whose claims still hold.
+        """
         if not claims:
             return frozenset()
         # A lease is nothing that clients see: nobody is told of a change.
@@ -196,15 +223,23 @@ class SqlJobStore:
             return frozenset(session.scalars(_RENEWAL.values(**values), _claimed(claims)))
 
     def note_begun(self, claim: Claim) -> None:
-        """Note that a child has begun with a job that is computed alone, if the claim still holds."""
+        """Note that a child has begun with a job that is computed alone: the loss of its worker counts."""
         attempt = AttemptRow.job_id == claim.job_id, AttemptRow.number == claim.attempt
         with self._database.write() as session:
             session.execute(
                 update(AttemptRow).where(*attempt, AttemptRow.ended_at.is_(None)).values(detail=BEGUN)
             )
 
+    def note_progress(self, shares: Sequence[tuple[Claim, float]]) -> None:
+        """Note how much of jobs is done: never less than before, and if claims hold."""
+        with self._database.write() as session:
+            for claim, share in shares:
+                session.execute(
+                    update(JobRow).where(*fence(claim), JobRow.progress < share).values(progress=share)
+                )
+
     def held(self, claims: Sequence[Claim]) -> frozenset[str]:
-        """Return the ids of those jobs whose claims still hold."""
+        """Return the ids of those jobs whose claims still hold; writes nothing."""
         if not claims:
             return frozenset()
         with self._database.read() as session:
@@ -220,7 +255,11 @@ class SqlJobStore:
         starved: Sequence[Lane] = (),
         together: int = 1,
     ) -> tuple[bool, ClaimedJobs]:
-        """Finish a job and take others by one commit."""
+        """Store the result of a job, mark it finished and take ``count`` others, in one transaction.
+
+        The points that a chunk did not compute are queued again. Returns whether
+        the claim held, and the taken jobs.
+        """
 
         def take(connection: Connection) -> ClaimedJobs:
             taken = take_jobs(connection, claim.worker, then_take, lease_seconds, starved, together)
@@ -247,7 +286,10 @@ class SqlJobStore:
         starved: Sequence[Lane] = (),
         together: int = 1,
     ) -> tuple[frozenset[str], ClaimedJobs]:
-        """Finish several problems and take others by one commit."""
+        """Do the same for several problems of one worker, in one transaction.
+
+        Returns the ids of those whose claims held; the others change nothing.
+        """
         worker = ended[0][0].worker
         solved = [(claim, outcome) for claim, outcome in ended if isinstance(outcome, Solved)]
         refused = [(claim, outcome) for claim, outcome in ended if isinstance(outcome, Refused)]
@@ -259,7 +301,11 @@ class SqlJobStore:
             return frozenset(held), taken or ClaimedJobs()
 
     def finish_failure(self, claim: Claim, error: Part) -> bool:
-        """Mark the job failed for good; a chunk is split into smaller ones."""
+        """Mark the job failed for good.
+
+        A chunk is split into smaller ones, which are queued; if it is a single
+        point, that point is stored as refused with the error's code.
+        """
         with self._database.write() as session:
             return self._fail(session, claim, error)
 
@@ -272,7 +318,12 @@ class SqlJobStore:
         retry_seconds: float = 0.0,
         has_begun: bool = True,
     ) -> bool:
-        """Queue the job again after the loss of its child, or give it up."""
+        """Record that the child died: requeue the job, or fail it as ``lost_worker``.
+
+        From the second time on it is not claimed for ``retry_seconds``, then twice as long each time. If it
+        may not ``has_begun``, that is counted only if its worker had nothing else; it is computed alone from
+        then on.
+        """
         with self._database.write() as session:
             sweep = chunks.hold(session, claim.sweep_id)
             attempt = claim.job_id, claim.attempt
@@ -284,12 +335,16 @@ class SqlJobStore:
             return True
 
     def give_back(self, claim: Claim, why: str = "the worker stopped", *, pause_seconds: float = 0.0) -> bool:
-        """Queue the job again because its worker does not compute it, or not yet."""
+        """Queue the job again because its worker does not compute it; this is not counted as a loss."""
         with self._database.write() as session:
             return self._give_back(session, claim, why, pause_seconds)
 
     def change_way(self, claim: Claim, way: Way, why: str, *, pause_seconds: float = 0.0) -> bool:
-        """Queue a chunk again, and have all points of its sweep computed anew, on another way."""
+        """Queue a chunk again, and have all points of its sweep computed anew, on another ``way``.
+
+        None that is there is kept: they have one provenance. Where the sweep goes that way already, what the
+        chunk refuses is final from now on.
+        """
         with self._database.write() as session:
             sweep = chunks.hold(session, claim.sweep_id)
             if sweep is None:
@@ -304,14 +359,17 @@ class SqlJobStore:
             return changed
 
     def give_back_all(self, claims: Sequence[Claim], why: str) -> None:
-        """Queue several jobs again by one commit."""
+        """Queue several jobs again in one transaction, those whose claims still hold."""
         if claims:
             with self._database.write() as session:
                 for claim in claims:
                     self._give_back(session, claim, why)
 
     def reconcile(self, *, max_attempts: int, retry_seconds: float = 0.0) -> tuple[str, ...]:
-        """Requeue, or fail, every job whose lease has ended."""
+        """Do the same as :meth:`lose` to every job whose lease has ended; return their ids.
+
+        Nobody knows which of them had begun.
+        """
         expired = JobRow.state == JobState.RUNNING.value, JobRow.lease_until < DatabaseNow()
         # Look first without the write lock: almost always nothing is found.
         with self._database.read() as session:

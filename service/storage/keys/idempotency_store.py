@@ -1,14 +1,64 @@
-"""Keeps the answers to requests with an Idempotency-Key for a day."""
+"""Answers to requests with an Idempotency-Key, kept for a day; receipts of requests that may come twice."""
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 from sqlalchemy import Connection, bindparam, delete, select, update
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.sql.dml import ReturningInsert
 
-from service.jobs.store import KEPT_SECONDS, GivenAnswer, GivenKey, KeyTakenError
 from service.schemas.reading.documents import Document
 from service.storage.database.database import Database, is_postgres
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.operations import IdempotencyKeyRow
+
+KEPT_SECONDS = 86400.0
+"""How long an answer is given again."""
+
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True, slots=True)
+class GivenKey:
+    """The Idempotency-Key of a request."""
+
+    principal: str
+    """Id of the API key that sent it, empty if there are no keys: nobody can use another's keys."""
+    key: str
+    fingerprint: str
+    """Hash of method, path, query and body: the same key with another request is a mistake."""
+
+
+@dataclass(frozen=True, slots=True)
+class GivenAnswer:
+    """An answer as it was sent."""
+
+    status: int
+    headers: Mapping[str, str]
+    body: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Receipt(Generic[Made]):
+    """The key and the answer, which a store writes in the transaction that makes something."""
+
+    given: GivenKey
+    answer: Callable[[Made], GivenAnswer]
+
+
+class KeyTakenError(Exception):
+    """Another request with the same key was committed first; nothing was stored for this one."""
+
+
+def fingerprint(*parts: bytes) -> str:
+    """Return the fingerprint of a request by its parts."""
+    digest = hashlib.sha256()
+    for part in parts:
+        digest.update(len(part).to_bytes(8, "big") + part)
+    return digest.hexdigest()
+
 
 _KEYS = table_of(IdempotencyKeyRow)
 _THIS = _KEYS.c.principal == bindparam("whose"), _KEYS.c.key == bindparam("name")

@@ -7,7 +7,6 @@ from sqlalchemy import select
 
 from service.jobs.queue import Lane
 from service.jobs.records import AuditNotFoundError, Job, JobPage, SolutionNotFoundError
-from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery, Value
 from service.schemas.reading.annotation import UNANNOTATED
 from service.schemas.reading.documents import Part
@@ -17,7 +16,7 @@ from service.storage.examinations import store_rows
 from service.storage.jobs.queue import announce
 from service.storage.jobs.records import job_of, jobs_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
-from service.storage.keys.idempotency_store import write_key
+from service.storage.keys.idempotency_store import Receipt, write_key
 from service.storage.searching.sources import audits_of
 from service.storage.tables.jobs import AuditRow, JobRow
 from service.storage.tables.solutions import SolutionRow
@@ -78,7 +77,7 @@ class AuditStore:
     ) -> Job:
         """Store a job that solves ``problem``, that of a solution or one like it, to compare the two.
 
-        The rest is as :meth:`service.jobs.store.JobStore.submit` takes it; nothing is reused.
+        The rest is as :meth:`service.storage.jobs.job_store.JobStore.submit` takes it; nothing is reused.
 
         Raises
         ------

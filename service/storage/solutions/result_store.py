@@ -4,7 +4,6 @@ from sqlalchemy import select
 
 from service.jobs.queue import Lane
 from service.jobs.records import Job, JobKind, JobPage, ResultNotFoundError
-from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.reading.annotation import UNANNOTATED
 from service.schemas.reading.documents import Document
@@ -14,7 +13,7 @@ from service.storage.database.rows import is_id
 from service.storage.jobs.queue import announce
 from service.storage.jobs.records import job_of, page_of_jobs
 from service.storage.jobs.submitting import insert_jobs
-from service.storage.keys.idempotency_store import write_key
+from service.storage.keys.idempotency_store import Receipt, write_key
 from service.storage.searching.sources import OF_ATLAS_ROWS, OF_STUDY_ROWS
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import JobRow, ResultRow
@@ -42,7 +41,7 @@ class ResultStore:
     ) -> Job:
         """Store a job that makes what a valid ``document`` asks for; its lane is that of single problems.
 
-        The rest is as :meth:`service.jobs.store.JobStore.submit` takes it; nothing is reused.
+        The rest is as :meth:`service.storage.jobs.job_store.JobStore.submit` takes it; nothing is reused.
         """
         with self._database.write() as session:
             (row,) = insert_jobs(

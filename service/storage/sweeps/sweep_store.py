@@ -20,7 +20,6 @@ from service.jobs.records import (
     SweepProgress,
     SweepRecord,
 )
-from service.jobs.store import Receipt
 from service.schemas.query.conditions import ListQuery
 from service.schemas.query.facts import facts_of
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
@@ -30,7 +29,7 @@ from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant, is_id, new_id, optional_instant, rows_of_page
 from service.storage.jobs import chunks
 from service.storage.jobs.queue import announce
-from service.storage.keys.idempotency_store import write_key
+from service.storage.keys.idempotency_store import Receipt, write_key
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SWEEP_ROWS
 from service.storage.tables.base import table_of
@@ -189,11 +188,7 @@ def _facts(document: Part) -> Part:
 
 
 def _bounds(stored: Part) -> dict[str, tuple[float, float]]:
-    bounds = {}
-    for name, pair in stored.items():
-        assert isinstance(pair, list)
-        bounds[name] = float(pair[0]), float(pair[1])
-    return bounds
+    return {name: (float(lower), float(upper)) for name, (lower, upper) in stored.items()}
 
 
 def _record(session: Session, row: SweepRow) -> SweepRecord:

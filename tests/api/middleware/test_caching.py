@@ -17,7 +17,7 @@ from service.cache import Cache
 from service.jobs.keys import Role
 from service.schemas.reading.annotation import Annotation
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.keys.key_store import KeyStore
 from service.storage.solutions.result_store import ResultStore
 from service.storage.solutions.solution_store import SolutionStore
@@ -146,7 +146,7 @@ def shut(monkeypatch):
         (SolutionStore, (*ARRAYS, "get")),
         (SweepStore, ("get", "chunks", "data")),
         (ResultStore, ("get",)),
-        (SqlJobStore, ("get",)),  # with the answer of a study
+        (JobStore, ("get",)),  # with the answer of a study
     ):
         for name in names:
             monkeypatch.setattr(store, name, None)

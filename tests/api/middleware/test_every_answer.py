@@ -16,7 +16,7 @@ from service.app import create_app
 from service.jobs.keys import Role
 from service.schemas.reading.documents import instant_text
 from service.settings import Settings
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.versions import version_of
 from tests.support.api import STATE, TestClient
 from tests.support.keys import make
@@ -98,7 +98,7 @@ def test_conditions_accept_both_ends_of_an_instant(client, zone):
 
 
 def test_every_answer_says_who_gives_it_and_to_which_request(client, monkeypatch):
-    monkeypatch.setattr(SqlJobStore, "cancel", None)  # whoever calls it, fails
+    monkeypatch.setattr(JobStore, "cancel", None)  # whoever calls it, fails
     job = client.post("/v1/jobs", json=STATE).json()
     answers = [
         client.get("/v1/jobs"),

@@ -20,7 +20,7 @@ from service.settings import Settings
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
 from service.storage.database.rows import new_id
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.support.api import NEEDED_QUERY, STATE, TestClient
 from tests.support.lists import list_jobs
 from tests.support.waiting import wait_until
@@ -201,7 +201,7 @@ def test_a_full_disk_refuses_what_must_be_stored_and_serves_what_is(sqlite_url):
 
 def test_a_worker_keeps_its_result_until_there_is_room_for_it(sqlite_url):
     database = Database(sqlite_url)
-    jobs, sandbox = SqlJobStore(database), Sandbox(1, preload=["tests.workers.chores"])
+    jobs, sandbox = JobStore(database), Sandbox(1, preload=["tests.workers.chores"])
     runner = Runner(jobs, ChildrenPool(sandbox, CHORES, slots=1), name="worker", limits=LIMITS)
     collect = partial(runner.collect, refill=True)
     try:
@@ -231,7 +231,7 @@ def is_away_at(act) -> bool:
 
 def test_a_worker_keeps_its_result_until_the_database_is_back(url):
     database = Database(url)
-    jobs, sandbox = SqlJobStore(database), Sandbox(1, preload=["tests.workers.chores"])
+    jobs, sandbox = JobStore(database), Sandbox(1, preload=["tests.workers.chores"])
     runner = Runner(jobs, ChildrenPool(sandbox, CHORES, slots=1), name="worker", limits=LIMITS)
     collect = partial(runner.collect, refill=True)
     outage = Outage(url)
@@ -261,7 +261,7 @@ def test_a_postgres_that_has_become_read_only_is_away_for_writers(postgres_url):
         connection.execute(text(f"ALTER DATABASE {name} SET default_transaction_read_only = on"))
         connection.commit()
     database.engine.dispose()
-    jobs = SqlJobStore(database)
+    jobs = JobStore(database)
     with pytest.raises(exc.SQLAlchemyError) as refused:
         jobs.submit(STATE, "digest")
     assert is_away(refused.value)

@@ -8,7 +8,7 @@ from sqlalchemy import func, select
 from service.jobs.keys import Role
 from service.storage.database.rows import new_id
 from service.storage.inspection.inspect import inspect
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.keys.key_store import KeyStore
 from service.storage.sweeps.deleting import delete_solution
 from service.storage.tables.operations import ApiKeyRow
@@ -162,7 +162,7 @@ def test_who_reuses_a_solution_while_it_is_deleted_computes_it_or_keeps_it(clien
         submit(client)
         solution_id = finish(jobs).solution_id
         digest = list_jobs(jobs).jobs[0].digest
-        others, ready = SqlJobStore(database), threading.Barrier(2)
+        others, ready = JobStore(database), threading.Barrier(2)
         made = []
 
         def reuse(others=others, ready=ready, made=made, digest=digest):

@@ -7,9 +7,15 @@ import pytest
 from sqlalchemy import func, select, update
 
 from service.jobs.keys import Role
-from service.jobs.store import KEPT_SECONDS, GivenAnswer, GivenKey, KeyTakenError, Receipt
 from service.storage.database.rows import new_id
-from service.storage.keys.idempotency_store import IdempotencyStore
+from service.storage.keys.idempotency_store import (
+    KEPT_SECONDS,
+    GivenAnswer,
+    GivenKey,
+    IdempotencyStore,
+    KeyTakenError,
+    Receipt,
+)
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.operations import IdempotencyKeyRow
 from tests.support.api import STATE, finish

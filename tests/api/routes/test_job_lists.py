@@ -11,7 +11,7 @@ from service.api import submission
 from service.api.submission import MOST_PROBLEMS
 from service.dynamics.verdict.verdict import decide
 from service.sandbox import Sandbox
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.verdicts import cached, examination
 from tests.support.api import PLANAR, STATE
 from tests.support.examinations import examination_of
@@ -85,7 +85,7 @@ def test_either_all_accepted_problems_are_stored_or_none(client, jobs, monkeypat
     def fail(self, session, has_queued):
         raise RuntimeError("between the jobs and the commit")
 
-    monkeypatch.setattr(SqlJobStore, "_announce", fail)
+    monkeypatch.setattr(JobStore, "_announce", fail)
     assert post(client, [STATE, PLANAR]).status_code == 500
     monkeypatch.undo()
     assert list_jobs(jobs).total == 0

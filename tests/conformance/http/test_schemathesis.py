@@ -27,6 +27,7 @@ def run(service, folder: Path, phases: str, most: int) -> int:
         "--continue-on-failure",
         "--no-color",
         "--output-truncate=false",
+        "--request-timeout=120",  # a busy machine is no fault
         *(["--seed=1"] if os.environ.get("CI") == "true" else []),
     ]
     environment = {**os.environ, "SCHEMATHESIS_HOOKS": str(HERE / "checks.py")}

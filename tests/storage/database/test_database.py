@@ -11,7 +11,7 @@ from sqlalchemy.exc import DBAPIError, StatementError
 
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database, SearchTimeError
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.jobs import JobRow
 from tests.support.databases import PROBLEM, SUMMARY
@@ -95,7 +95,7 @@ def fall_silent(database, meanwhile):
 def test_postgres_takes_its_locks_back_from_a_client_that_says_nothing_more(postgres_url, monkeypatch):
     monkeypatch.setattr("service.storage.database.database.IDLE_SECONDS", 1)
     database = Database(postgres_url)
-    jobs = SqlJobStore(database)
+    jobs = JobStore(database)
     job = jobs.submit(PROBLEM, "digest")
 
     def others():

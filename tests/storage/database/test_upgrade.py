@@ -12,7 +12,7 @@ from service.storage.database.database import Database, make_engine
 from service.storage.database.migration import migrate
 from service.storage.database.rows import new_id
 from service.storage.inspection.inspect import inspect as inspect_database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.solutions.solution_store import SolutionStore
 from tests.support.databases import FIRST, SUMMARY, upgrade_to
 from tests.support.finishing import finish_success
@@ -142,7 +142,7 @@ def test_the_upgraded_database_is_in_order(upgraded):
 
 
 def test_lives_go_on_where_they_were(upgraded, ids):
-    jobs = SqlJobStore(upgraded)
+    jobs = JobStore(upgraded)
     state = {name: jobs.get(str(job_id)).state.value for name, job_id in ids.items() if name != "solution"}
     assert state == {
         "queued": "queued", "returned": "queued", "running": "running", "solver": "succeeded",
@@ -164,5 +164,5 @@ def test_old_solutions_are_found_read_and_used_again(upgraded, ids):
     assert (found.id, found.problem, found.summary) == (solution_id, PROBLEM, SUMMARY)
     assert solutions.dense(solution_id) == bytes(range(256)) * 4000
     assert solutions.samples(solution_id) == b""
-    again = SqlJobStore(upgraded).submit(PROBLEM, "solved")
+    again = JobStore(upgraded).submit(PROBLEM, "solved")
     assert (again.state, again.solution_id) == (JobState.SUCCEEDED, solution_id)

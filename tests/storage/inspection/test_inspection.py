@@ -14,7 +14,7 @@ from service.storage.codecs.packing import encode_document
 from service.storage.database.database import Database
 from service.storage.database.sqlite_file import file_of
 from service.storage.inspection.inspect import inspect, invariants, repair
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.keys.key_store import KeyStore
 from service.storage.solutions.audit_store import AuditStore
 from service.storage.solutions.result_store import ResultStore
@@ -54,7 +54,7 @@ def sweeps(database):
 
 def live(database):
     """Do all that can be done, in the ordinary way; return the ids of some of it."""
-    jobs, sweeps = SqlJobStore(database), SweepStore(database)
+    jobs, sweeps = JobStore(database), SweepStore(database)
     key, _ = KeyStore(database).create(Role.SUBMIT)
     solved = solve(jobs, "solved", key_id=key.id, annotation=ANNOTATION)
     audited = jobs.submit(PROBLEM, "solved")

@@ -12,7 +12,7 @@ from service.jobs.records import JobState, Solved
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from service.storage.database.database import Database
 from service.storage.database.rows import new_id
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.jobs import JobRow
 from tests.support.databases import PROBLEM, SUMMARY
@@ -202,7 +202,7 @@ def test_requests_of_a_key_at_the_same_instant_get_turns_of_their_own(postgres_u
     def submit(_):
         together.wait(timeout=PATIENCE)
         for _ in range(5):
-            SqlJobStore(database).submit(PROBLEM, new_id(), key_id=ALICE)
+            JobStore(database).submit(PROBLEM, new_id(), key_id=ALICE)
 
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(submit, range(4)))

@@ -26,7 +26,7 @@ from service.jobs.records import (
     pause_after,
 )
 from service.storage.jobs import moves
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.schema import TABLES
 from service.storage.tables.solutions import SolutionRow
@@ -90,7 +90,7 @@ class JobMachine(RuleBasedStateMachine):
         with database.write() as session:
             for table in reversed(TABLES):
                 session.execute(table.__table__.delete())
-        self.database, self.clock, self.store = database, clock, SqlJobStore(database)
+        self.database, self.clock, self.store = database, clock, JobStore(database)
         self.jobs: dict[str, Model] = {}
         self.solved: set[str] = set()
         self.unended: list[tuple[str, str, float]] = []

@@ -9,7 +9,7 @@ from service.jobs.records import JobState
 from service.schemas.query.conditions import ListQuery, OrderKey
 from service.schemas.query.reading import read_where
 from service.storage.database.rows import new_id
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.searching.sources import SOLUTIONS
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
@@ -110,11 +110,11 @@ def test_filters_are_counted_without_reading_the_rows(database):
 
 
 def test_lists_of_jobs_and_sweeps_are_walked_on_an_index(database):
-    SqlJobStore(database).submit(PROBLEM, "digest")
+    JobStore(database).submit(PROBLEM, "digest")
     is_sqlite = database.engine.dialect.name == "sqlite"
     for state in (None, *JobState):
         with plans(database) as found:
-            list_jobs(SqlJobStore(database), state=state, offset=90_000)
+            list_jobs(JobStore(database), state=state, offset=90_000)
         # For one row, Postgres does not care which of the two indexes it takes.
         assert_is_walked(found, "COVERING INDEX" if is_sqlite else "Index")
         with plans(database) as found:

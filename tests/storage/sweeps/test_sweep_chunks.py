@@ -11,7 +11,7 @@ from sqlalchemy import select, update
 from service.jobs.records import Claim, JobState
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome, decode_points
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.sweeps import SweepChunkRow
@@ -25,7 +25,7 @@ class Workers:
     """Some workers that do to their chunks whatever they are told."""
 
     database: Database
-    jobs: SqlJobStore
+    jobs: JobStore
     claims: list[Claim] = field(default_factory=list)
     lost: list[Claim] = field(default_factory=list)
 

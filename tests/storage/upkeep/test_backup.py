@@ -13,7 +13,7 @@ from service.storage.database.database import Database, make_engine
 from service.storage.database.migration import migrate
 from service.storage.database.rows import new_id
 from service.storage.inspection.inspect import inspect as inspect_database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.tables.jobs import JobRow
 from service.storage.upkeep.backup import BackupError, back_up, restore
@@ -69,7 +69,7 @@ def test_a_restored_database_is_what_it_was(jobs, url, other_url, tmp_path):
     assert restore(other_url, tmp_path / "b") == contents
 
     def look(database):
-        restored = SqlJobStore(database)
+        restored = JobStore(database)
         assert [restored.get(job.id) for job in before] == before
         assert list_jobs(restored).total == 5
         solution_id = before[0].solution_id
@@ -89,7 +89,7 @@ def test_a_backup_while_others_write_is_of_one_instant(jobs, url, other_url, tmp
 
     def write():
         own = Database(url)
-        store = SqlJobStore(own)
+        store = JobStore(own)
         try:
             while not stop.is_set():
                 store.submit(PROBLEM, new_id())
@@ -136,7 +136,7 @@ def test_a_database_without_jobs_may_be_replaced(jobs, url, other_url, tmp_path)
     back_up(url, tmp_path / "b")
     migrate(other_url)
     restore(other_url, tmp_path / "b")
-    assert opened(other_url, lambda database: list_jobs(SqlJobStore(database)).total) == 5
+    assert opened(other_url, lambda database: list_jobs(JobStore(database)).total) == 5
 
 
 def test_an_older_backup_is_brought_to_this_version(url, other_url, tmp_path):

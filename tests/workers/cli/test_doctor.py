@@ -17,7 +17,7 @@ from service.storage.codecs.packing import decode_dense, encode_dense
 from service.storage.database.database import Database
 from service.storage.inspection import blob_inspection
 from service.storage.inspection.blob_inspection import check_blobs
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.api import PLANAR, STATE
@@ -240,7 +240,7 @@ def doctor(sqlite_url, monkeypatch, capsys):
 def test_the_command_says_what_is_wrong_and_mends_it(doctor, sqlite_url):
     assert doctor()[0] == 0
     database = Database(sqlite_url)
-    SqlJobStore(database).submit(STATE, "digest")
+    JobStore(database).submit(STATE, "digest")
     with database.write() as session:
         session.execute(text("UPDATE jobs SET finished_at = 1"))
     database.close()

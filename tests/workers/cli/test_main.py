@@ -1,5 +1,6 @@
 """The worker's own command line."""
 
+import json
 import os
 import signal
 import subprocess
@@ -7,12 +8,14 @@ import subprocess
 import pytest
 
 from service.local.worker_process import worker_command
+from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.support.commands import polhode
 from tests.support.databases import url_of
 from tests.support.waiting import wait_until
 from tests.workers.processes import ROOT
+from workers.cli.documents import draw_file
 from workers.cli.main import main
 
 
@@ -49,7 +52,7 @@ def test_a_worker_alone_makes_its_database_computes_and_stops(tmp_path):
         try:
             wait_until(lambda: (tmp_path / "new.db-wal").exists() and file.stat().st_size > 4096)
             database = Database(url_of(file))
-            jobs = SqlJobStore(database)
+            jobs = JobStore(database)
             # No problem at all: the computation must say so, whatever it says.
             job = jobs.submit({}, "digest")
             done = wait_until(lambda: jobs.get(job.id).is_finished and jobs.get(job.id))
@@ -59,3 +62,24 @@ def test_a_worker_alone_makes_its_database_computes_and_stops(tmp_path):
             assert worker.wait(timeout=120) == 0
         finally:
             worker.kill()
+
+
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [
+        (SandboxTimeoutError("the time limit passed"), "verdict_time_limit"),
+        (SandboxMemoryError("the memory limit was reached"), "memory_limit"),
+        (SandboxCrashError("the child process was killed"), "lost_worker"),
+    ],
+)
+def test_an_atlas_without_an_end_is_refused_as_a_problem_is(fault, code, tmp_path, monkeypatch, capsys):
+    def run(*_: object, **__: object) -> None:
+        raise fault
+
+    monkeypatch.setattr(Sandbox, "run", run)
+    file = tmp_path / "atlas.json"
+    file.write_text('{"body": {"A": 2, "C": 1}, "potential": {"type": "gravity", "a": -1}, "lambda": [1, 2]}')
+    assert draw_file(file, as_json=True, picture=None) == 1
+    said = capsys.readouterr()
+    assert json.loads(said.out)["code"] == code
+    assert said.err.startswith(f"{code}: ")

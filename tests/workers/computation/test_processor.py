@@ -12,7 +12,7 @@ from service.jobs.records import Solved, SolveOutcome
 from service.sandbox import Sandbox
 from service.schemas.problem.problem import check_problem, problem_digest
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.support.api import STATE
 from tests.support.other_processor import environment, masks
 from workers.cli.doctor import repeat_solutions
@@ -98,7 +98,7 @@ def test_what_another_processor_solved_is_clean_here(sqlite_url):
     """As with workers on unlike hosts: whichever solved a problem, all others confirm its numbers."""
     database, sandbox = Database(sqlite_url), Sandbox(1, preload=["workers.computation.compute"])
     try:
-        jobs = SqlJobStore(database)
+        jobs = JobStore(database)
         jobs.submit(STATE, problem_digest(check_problem(STATE).canonical))
         claim = jobs.claim("elsewhere", lease_seconds=60.0)
         assert jobs.finish(claim, solved_elsewhere())[0]

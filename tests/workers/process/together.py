@@ -3,7 +3,7 @@
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, JobState
 from service.storage.database.rows import new_id
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.support.waiting import wait_until
 from workers.process.pool import Pool
 from workers.process.results import JobLimits
@@ -15,7 +15,7 @@ LIMITS = JobLimits(lease_seconds=3600.0, job_seconds=3600.0, memory_mb=300, max_
 class Together:
     """A runner whose loop is the test's."""
 
-    def __init__(self, jobs: SqlJobStore, pool: Pool, limits: JobLimits) -> None:
+    def __init__(self, jobs: JobStore, pool: Pool, limits: JobLimits) -> None:
         self.jobs = jobs
         self.runner = Runner(jobs, pool, name="worker", limits=limits)
         self.batches: list[int] = []

@@ -34,17 +34,17 @@ FindArc = Callable[[RigidBody, Potential, PlanarMotion], Arc | None]
 
 SHARES = (0.375, 0.625, 0.8125)
 """Places on the arc where the energy is taken: two at least are neither a pole nor the equator."""
-WAY_BITS = 16
+WAY_BITS_MULTIPLE = 16
 MOST_BITS_OF_INTEGRAL = 240
 """Bits of V1 beyond which its series would take minutes: 64 bits take some 6 s, and twice as many five times
 as long."""
-NEAREST_REST = 2.0**-40
+MIN_REST_SINE_OF_V = 2.0**-40
 """Least |sin v| at a rest point where V1 is an integral: nearer ones ask for more and more bits."""
-LEAST_UNIT = 8
+MIN_ROOT_ORDER_AT_POLE = 8
 """Least order of the root of sin v at a pole where V1 is an integral."""
-KEPT = 4
+MOTIONS_CACHED = 4
 NEWTON_TRIES = 12
-NARROWING = 2.0**-8
+MAX_NARROWING_FACTOR = 2.0**-8
 """Factor by which a step must narrow the radius of a zero, or else another step is not worth it."""
 
 
@@ -171,7 +171,7 @@ def way_from(
 
 _Key = tuple[RigidBody, Potential | int, PlanarMotion, int, int, bool]
 _KNOWN: dict[_Key | None, tuple[Potential, IntegralMotion]] = {}
-"""The last KEPT motions, the oldest first: other tiers and times of a problem ask for the same one.
+"""The last MOTIONS_CACHED motions, the oldest first: other tiers and times of a problem ask for the same one.
 
 While a potential is kept, no other has its number.
 """
@@ -187,7 +187,7 @@ def _known(body: RigidBody, potential: Potential, motion: PlanarMotion, bits: in
 
 def _keep(body: RigidBody, potential: Potential, motion: PlanarMotion, found: IntegralMotion) -> None:
     _KNOWN[_key(body, potential, motion, found.bits, isinstance(found.phase, PolarWay))] = potential, found
-    while len(_KNOWN) > KEPT:
+    while len(_KNOWN) > MOTIONS_CACHED:
         # Another thread may have taken the oldest one away.
         _KNOWN.pop(next(iter(_KNOWN), None), None)
 
@@ -212,14 +212,14 @@ def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
     side = 0 if passes else 1 if ((arc.lower + arc.upper) / 2).sin() > 0 else -1
     tape, angular = _parts(loop, side, bits)
     ends = () if passes else (arc.lower, arc.upper)
-    if angular is not None and not all(abs(v.sin()) > NEAREST_REST for v in ends):
+    if angular is not None and not all(abs(v.sin()) > MIN_REST_SINE_OF_V for v in ends):
         raise CertifiedUnavailableError(
             "it comes to rest next to a pole, and the potential is given by an integral", pointer="/motion"
         )
     unit = unit_at_poles(loop, tape) if passes else 0
     if passes and angular is not None:
         # No root of sin v makes it smooth there: pieces reach so far that the rest takes no time.
-        unit = max(1, unit) * ceil(LEAST_UNIT / max(1, unit))
+        unit = max(1, unit) * ceil(MIN_ROOT_ORDER_AT_POLE / max(1, unit))
     real = RealLoop(loop, tape, side, angular)
     h = _energy(arc, real) if angular is None else -angular.at_curve
     curve = ComplexLoop(loop, tape, h, side, unit, angular=angular)
@@ -245,7 +245,7 @@ def integral_motion(start: StartingPoint, bits: int) -> IntegralMotion:
 
 def way_bits(bits: int) -> int:
     """Return to how many bits times through poles are computed: who asks for about as many gets the same."""
-    return -(-bits // WAY_BITS) * WAY_BITS
+    return -(-bits // WAY_BITS_MULTIPLE) * WAY_BITS_MULTIPLE
 
 
 def _parts(loop: Loop, side: int, bits: int) -> tuple[Tape, AngularSeries | None]:
@@ -313,6 +313,6 @@ def _narrowed(real: RealLoop, h: arb, zero: arb, slope: arb) -> arb:
     while True:
         middle = zero.mid()
         found = middle - (h - real.V(middle)) / slope
-        if not found.rad() < NARROWING * zero.rad():
+        if not found.rad() < MAX_NARROWING_FACTOR * zero.rad():
             return zero
         zero = found

@@ -24,9 +24,9 @@ from workers.solvers.certified.errors import CertifiedUnavailableError, Precisio
 from workers.solvers.three_terms.intervals import RootsUndecidedError
 
 GUARD_BITS = 32
-PERIOD_BITS = 5
+SPARE_PERIOD_BITS = 5
 """Bits by which the remainder of the integral is smaller than what was asked."""
-LIMB = 64
+WORD_BITS = 64
 """Numbers are stored in words of so many bits: all of a word costs what one bit of it does."""
 ALLOWED_BITS = 8
 """Radii are at most 2^(ALLOWED_BITS − bits), relative to numbers above 1 and to the period."""
@@ -150,7 +150,7 @@ def certify(
 def first_try(bits: int, latest: Fraction) -> tuple[int, int]:
     """Return the precision that serves most motions, and to how many bits the integral is wanted there."""
     late = int(latest).bit_length()
-    return -(-(bits + GUARD_BITS + late) // LIMB) * LIMB, bits + PERIOD_BITS + late
+    return -(-(bits + GUARD_BITS + late) // WORD_BITS) * WORD_BITS, bits + SPARE_PERIOD_BITS + late
 
 
 def _reduced(made: _Motion, turns: Sequence[Fraction]) -> list[arb]:

@@ -7,9 +7,9 @@ from flint import acb, arb
 
 from workers.solvers.certified.phase import TimedPhase
 
-LOOSE = 2.0**30
+MAX_OVERESTIMATE_RATIO = 2.0**30
 """A bound this much larger than the function costs so many bits of a remainder: then it is refined."""
-OVERLAP = 1.0 + 2.0**-20
+BOX_OVERLAP = 1.0 + 2.0**-20
 """Boxes are so much larger: roundings of their centres leave no gap."""
 
 
@@ -43,9 +43,9 @@ def bound(
         if not waiting:
             return largest
         x, y, half = waiting.pop()
-        ball = acb(arb(x, half * OVERLAP), arb(y, half * OVERLAP))
+        ball = acb(arb(x, half * BOX_OVERLAP), arb(y, half * BOX_OVERLAP))
         value = abs(phase.rate(ball, analytic=True)).upper()
-        if value < LOOSE * size:
+        if value < MAX_OVERESTIMATE_RATIO * size:
             largest = largest.max(value)
         elif half > smallest:
             half *= 0.5

@@ -27,7 +27,7 @@ from workers.solvers.certified.by_integral import IntegralMotion, way_from
 from workers.solvers.certified.certify import first_try
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.certified.orbit import passes_pole
-from workers.solvers.certified.time_model import SLACK, TimeModel, TimePiece
+from workers.solvers.certified.time_model import PIECE_OVERLAP, TimeModel, TimePiece
 from workers.solvers.certified.way import PassagePhase, PolarWay
 from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA
 from workers.solvers.complex_plane.passage import unit_at_poles
@@ -37,9 +37,9 @@ from workers.solvers.orbits.near_rest import is_slow
 
 FloatArray = NDArray[np.float64]
 
-DEGREE = 32
+SERIES_DEGREE = 32
 """Degree of series in doubles: those in balls fall like 4^-k on a piece."""
-LATEST = Fraction(16)
+MAX_MAP_PERIODS = Fraction(16)
 """Periods, about, up to which enclosures of samples have the same time map."""
 TURNED = np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0])
 """On the way back of a libration the angular velocity is the opposite."""
@@ -70,15 +70,17 @@ class WayFamily:
         PrecisionLostError
             More bits are needed.
         """
-        motion = problem.motion
-        assert isinstance(place, PeriodicPlace)
-        assert isinstance(motion, PlanarMotion)
-        times = [LATEST] if isinstance(problem.time, TimePeriods) else exact_instants(problem.time)
+        if not isinstance(place, PeriodicPlace):
+            return NOT_MINE
+        motion = problem.motion_as(PlanarMotion)
+        times = [MAX_MAP_PERIODS] if isinstance(problem.time, TimePeriods) else exact_instants(problem.time)
         precision, bits = first_try(problem.accuracy.bits, max((abs(t) for t in times), default=Fraction(0)))
         with ctx.workprec(precision + ctx.prec - REDUCTION_BITS):
             try:
                 way = way_from(problem.body, problem.potential, motion, place.start, bits)
-                sampled = None if not isinstance(way.phase, PolarWay) else _sampled(way, way.phase)
+                sampled = None
+                if isinstance(way.phase, PolarWay) and isinstance(model := way.model, TimeModel):
+                    sampled = _sampled(way, way.phase, model)
             except CertifiedUnavailableError:
                 sampled = None
             except PrecisionNeededError as error:
@@ -88,9 +90,7 @@ class WayFamily:
         return make_periodic(problem, place, sampled)
 
 
-def _sampled(way: IntegralMotion, phase: PolarWay) -> Sampled:
-    model = way.model
-    assert isinstance(model, TimeModel)
+def _sampled(way: IntegralMotion, phase: PolarWay, model: TimeModel) -> Sampled:
     time_map, states, departure = _in_doubles(model, phase)
     sides = _sides(model, phase)
     turns = (way.origin / model.period).mid().floor()
@@ -116,7 +116,7 @@ def _sampled(way: IntegralMotion, phase: PolarWay) -> Sampled:
 def _in_doubles(model: TimeModel, phase: PolarWay) -> tuple[TimeMap, FloatArray, float]:
     """Return t(u), u being the number of a piece, the six variables, and a bound of their error.
 
-    The variables have the shape (DEGREE + 1, 6, pieces).
+    The variables have the shape (SERIES_DEGREE + 1, 6, pieces).
     """
     pieces = model.pieces
     series = [_series(np.column_stack((_doubles(piece), piece.states))) for piece in pieces]
@@ -125,7 +125,7 @@ def _in_doubles(model: TimeModel, phase: PolarWay) -> tuple[TimeMap, FloatArray,
     rates, states = columns[:, 0], columns[:, 1:]
     ends = [*(piece.start for piece in pieces), model.span]
     if phase.is_even:
-        signs = (-1.0) ** np.arange(DEGREE + 1)[:, None]
+        signs = (-1.0) ** np.arange(SERIES_DEGREE + 1)[:, None]
         rates = np.hstack((rates, (signs * rates)[:, ::-1]))
         states = np.dstack((states, (signs[:, :, None] * TURNED[:, None] * states)[:, :, ::-1]))
         ends += [model.period - t for t in ends[-2::-1]]
@@ -169,19 +169,19 @@ def _sines(sides: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def _doubles(piece: TimePiece) -> FloatArray:
-    """Return the coefficients of dt/du, of which a piece is as long as 2/SLACK in y."""
+    """Return the coefficients of dt/du, of which a piece is as long as 2/PIECE_OVERLAP in y."""
     coefficients = np.array([float(value) for value in piece.slope.coeffs()])
-    return np.pad(coefficients, (0, len(piece.states) - len(coefficients))) * (2.0 / SLACK)
+    return np.pad(coefficients, (0, len(piece.states) - len(coefficients))) * (2.0 / PIECE_OVERLAP)
 
 
 def _series(powers: FloatArray) -> FloatArray:
-    """Return Chebyshev series on the piece of polynomials (columns) in y: it ends at ±1/SLACK."""
+    """Return Chebyshev series on the piece of polynomials (columns) in y: it ends at ±1/PIECE_OVERLAP."""
     return chebyshev_coefficients(_at_nodes(len(powers)) @ powers)
 
 
 @cache
 def _at_nodes(count: int) -> FloatArray:
-    return np.vander(chebyshev_points(DEGREE) / SLACK, count, increasing=True)
+    return np.vander(chebyshev_points(SERIES_DEGREE) / PIECE_OVERLAP, count, increasing=True)
 
 
 def _departure(phase: PolarWay, piece: TimePiece, states: FloatArray) -> float:
@@ -189,6 +189,6 @@ def _departure(phase: PolarWay, piece: TimePiece, states: FloatArray) -> float:
     found = []
     for x in CHECKED_POINTS:
         told: list[float] = np.atleast_1d(np.polynomial.chebyshev.chebval(x, states)).tolist()
-        known = phase.state(piece.centre + piece.radius * (arb(x) / SLACK))
+        known = phase.state(piece.centre + piece.radius * (arb(x) / PIECE_OVERLAP))
         found += [float(abs(ball - arb(value)).abs_upper()) for ball, value in zip(known, told, strict=True)]
     return largest(found)

@@ -23,21 +23,21 @@ from workers.solvers.certified.trapezoid import ProvenStrip
 
 FloatArray = NDArray[np.float64]
 
-FIRST_DOUBT = 2.0**-46
+FIRST_PHASE_ERROR = 2.0**-46
 """Error of a phase in doubles."""
 FIRST_PRECISION, SPARE = 128, 32
 """Precision of the first step; bits that others have beyond twice the digits that are there."""
-WIDER = 64
+WIDENING_FACTOR = 64
 MAX_WIDENINGS = 5
-FLOOR = 32.0
+MIN_RADIUS_RATIO = 32.0
 """Multiple of the radius that the time itself has as a phase, from which on a step is not worth it."""
-ENOUGH = 2.0**-16
+MAX_NARROWING_FACTOR = 2.0**-16
 """Factor by which a step must narrow a radius, or else it is the last."""
-BLOCK = 64
+BLOCK_SIZE = 64
 """Coefficients that are summed up at once."""
-GRID = 2048
+GRID_PHASES = 2048
 NEWTON_STEPS = 3
-SILENT = 1e-18
+NEGLIGIBLE_COEFFICIENT = 1e-18
 """Coefficients below this, of the mean, say nothing in doubles."""
 
 
@@ -84,10 +84,10 @@ class FourierTime:
 
     def _sum(self, blocks: tuple[acb_poly, ...], theta: arb) -> acb:
         """Return the value at an exact θ; every product with z may widen a complex ball by √2."""
-        with ctx.workprec(ctx.prec + BLOCK // 2 + len(blocks)):
+        with ctx.workprec(ctx.prec + BLOCK_SIZE // 2 + len(blocks)):
             sine, cosine = theta.sin_cos()
             z = acb(cosine, sine)
-            step, total = z**BLOCK, blocks[-1](z)
+            step, total = z**BLOCK_SIZE, blocks[-1](z)
             for block in blocks[-2::-1]:
                 total = total * step + block(z)
             return total
@@ -101,7 +101,7 @@ class FourierTime:
 
     def _phase(self, t: arb, middle: arb) -> arb:
         """Return θ where the time is ``t``, from a phase next to it."""
-        doubt, full = arb(FIRST_DOUBT), ctx.prec
+        doubt, full = arb(FIRST_PHASE_ERROR), ctx.prec
         with ctx.workprec(min(full, FIRST_PRECISION)):
             late = self.time_at(middle) - t
             for _ in range(MAX_WIDENINGS):
@@ -109,20 +109,20 @@ class FourierTime:
                 found = middle - late / self.rate(guess)
                 if guess.contains(found):
                     break
-                doubt = WIDER * doubt
+                doubt = WIDENING_FACTOR * doubt
             else:
                 raise PrecisionNeededError("the inverse of time")
         return self._narrowed(t, found, full)
 
     def _narrowed(self, t: arb, theta: arb, full: int) -> arb:
         """Return the phase by steps that double its digits, at no more precision than they need."""
-        least = FLOOR * (t.rad() + self.rest.rad()) / self.mean
+        least = MIN_RADIUS_RATIO * (t.rad() + self.rest.rad()) / self.mean
         while theta.rad() > least:
             precision = min(full, SPARE - 2 * int(float(theta.rad().log() / arb.const_log2())))
             with ctx.workprec(precision):
                 middle = theta.mid()
                 found = middle - (self.time_at(middle) - t) / self.rate(theta)
-            if not found.rad() < ENOUGH * theta.rad():
+            if not found.rad() < MAX_NARROWING_FACTOR * theta.rad():
                 return theta if theta.rad() < found.rad() else found
             theta = found
         return theta
@@ -130,13 +130,13 @@ class FourierTime:
     def _guesses(self, times: FloatArray) -> FloatArray:
         """Return θ in doubles."""
         mean = float(self.mean)
-        r = np.zeros(BLOCK * len(self.slopes), dtype=np.complex128)
+        r = np.zeros(BLOCK_SIZE * len(self.slopes), dtype=np.complex128)
         for n, block in enumerate(self.slopes):
             found_here = [complex(value) for value in block.coeffs()]
-            r[BLOCK * n : BLOCK * n + len(found_here)] = found_here
-        r = r[: 1 + int(np.flatnonzero(np.abs(r) > SILENT * mean).max(initial=0))]
+            r[BLOCK_SIZE * n : BLOCK_SIZE * n + len(found_here)] = found_here
+        r = r[: 1 + int(np.flatnonzero(np.abs(r) > NEGLIGIBLE_COEFFICIENT * mean).max(initial=0))]
         s = (r / np.maximum(np.arange(len(r)), 1)).astype(np.complex128)
-        grid = np.linspace(0.0, 2.0 * np.pi, GRID + 1)
+        grid = np.linspace(0.0, 2.0 * np.pi, GRID_PHASES + 1)
         beginning = float(s.sum().imag)
         found = np.interp(times, mean * grid + _horner(s, grid).imag - beginning, grid)
         for _ in range(NEWTON_STEPS):
@@ -177,9 +177,9 @@ def make_fourier_time(phase: LibrationPhase | RotationPhase, strip: ProvenStrip,
 
 
 def _blocks(coefficients: list[acb]) -> tuple[acb_poly, ...]:
-    """Return Σ c_k z^k without c_0, as polynomials that are to be multiplied by powers of z^BLOCK."""
+    """Return Σ c_k z^k without c_0, as polynomials that are to be multiplied by powers of z^BLOCK_SIZE."""
     whole = [acb(0), *coefficients[1:]]
-    return tuple(acb_poly(whole[n : n + BLOCK]) for n in range(0, len(whole), BLOCK))
+    return tuple(acb_poly(whole[n : n + BLOCK_SIZE]) for n in range(0, len(whole), BLOCK_SIZE))
 
 
 def _half_steps(count: int) -> list[acb]:

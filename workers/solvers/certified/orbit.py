@@ -18,16 +18,16 @@ from workers.solvers.certified.doubles import room
 FloatArray = NDArray[np.float64]
 
 UNKNOWN = (nan, nan)
-OUTER = 4.0
+OUTER_Y = 4.0
 EDGES = (-13.0, -10.0, -8.0, -6.0, -5.0, *(0.5 * k for k in range(-8, 9)), 5.0, 6.0, 8.0, 10.0, 13.0)
 """Edges of the panels of y, v = 2 arctan e^y: beyond, the scan has found a power law."""
-DEGREE = 14
+PANEL_DEGREE = 14
 _OUTER = [0.5 * k for k in range(8, 21)] + [11.0, 12.0, 13.0]
 SCANNED = np.array([-y for y in _OUTER[::-1]] + [0.2 * k for k in range(-19, 20)] + _OUTER)
 """The y at which the scan looks at P; it may look at more."""
-UNRESOLVED = 1e-6
+MAX_RELATIVE_TAIL = 1e-6
 """Tail of a series, against its largest term, that is too much."""
-CLEARLY = 1.0001
+OUTWEIGHING_RATIO = 1.0001
 """The first coefficient outweighs the others clearly, whatever the tail."""
 
 
@@ -63,21 +63,21 @@ def _saw_every_zero(loop: Loop, h: arb, g3_sign: int) -> bool:
         changes = int(np.count_nonzero(N[1:count] * N[: count - 1] < 0.0))
         # Power laws at the poles are levelled, which moves no zero.
         powers = np.log(N[1] / N[0]) * places.north + np.log(N[count - 2] / N[count - 1]) * places.south
-        levelled = (N * np.exp(powers))[count:].reshape(DEGREE + 1, -1)
+        levelled = (N * np.exp(powers))[count:].reshape(PANEL_DEGREE + 1, -1)
         return changes == _zeros(places.matrix @ levelled)
 
 
 def _zeros(series: FloatArray) -> int | None:
     """Return the number of zeros of Chebyshev series (columns) side by side; None if it is in doubt."""
     sizes = np.abs(series)
-    if not np.all(sizes[-3:].max(axis=0) <= UNRESOLVED * sizes.max(axis=0)):
+    if not np.all(sizes[-3:].max(axis=0) <= MAX_RELATIVE_TAIL * sizes.max(axis=0)):
         return None
     unclear = _quarters() @ series[:, _may_vanish(series)]
     # Axis 0: quarters.
     parts = np.concatenate(tuple(unclear), axis=1)
     parts = parts[:, _may_vanish(parts)]
     first, second = (derivative @ parts for derivative in _derivatives())
-    left, right = (np.where(np.arange(DEGREE + 1) % 2, sign, 1.0) @ parts for sign in (-1.0, 1.0))
+    left, right = (np.where(np.arange(PANEL_DEGREE + 1) % 2, sign, 1.0) @ parts for sign in (-1.0, 1.0))
     crosses = left * right < 0.0
     # Monotone, or bent to one side between different signs: then no more than is seen.
     if not np.all(~_may_vanish(first) | (~_may_vanish(second) & crosses)):
@@ -88,7 +88,7 @@ def _zeros(series: FloatArray) -> int | None:
 def _may_vanish(series: FloatArray) -> NDArray[np.bool_]:
     """Say of which series the first coefficient does not outweigh the others."""
     sizes = np.abs(series)
-    return np.asarray(2.0 * sizes[0] <= CLEARLY * sizes.sum(axis=0))
+    return np.asarray(2.0 * sizes[0] <= OUTWEIGHING_RATIO * sizes.sum(axis=0))
 
 
 CENTRES = (-0.75, -0.25, 0.25, 0.75)
@@ -101,7 +101,7 @@ class _Places(NamedTuple):
     cosine: FloatArray
     north: FloatArray
     south: FloatArray
-    """How far they are beyond OUTER."""
+    """How far they are beyond OUTER_Y."""
     matrix: FloatArray
     """Takes values on panels to series."""
 
@@ -109,23 +109,24 @@ class _Places(NamedTuple):
 @cache
 def _places() -> _Places:
     edges = np.array(EDGES)
-    nodes = 0.5 * ((edges[1:] + edges[:-1]) + np.diff(edges) * chebyshev_points(DEGREE)[:, None])
+    nodes = 0.5 * ((edges[1:] + edges[:-1]) + np.diff(edges) * chebyshev_points(PANEL_DEGREE)[:, None])
     y = np.concatenate((SCANNED, nodes.ravel()))
-    north, south = (np.maximum(sign * y - OUTER, 0.0) for sign in (-1.0, 1.0))
-    matrix = chebyshev_coefficients(np.eye(DEGREE + 1))
+    north, south = (np.maximum(sign * y - OUTER_Y, 0.0) for sign in (-1.0, 1.0))
+    matrix = chebyshev_coefficients(np.eye(PANEL_DEGREE + 1))
     return _Places(1.0 / np.cosh(y), -np.tanh(y), north, south, matrix)
 
 
 @cache
 def _quarters() -> FloatArray:
     """Return the matrices from a series to those of the four quarters of its panel."""
-    to_series, points = chebyshev_coefficients(np.eye(DEGREE + 1)), 0.25 * chebyshev_points(DEGREE)
-    values = (np.polynomial.chebyshev.chebvander(points + centre, DEGREE) for centre in CENTRES)
+    to_series = chebyshev_coefficients(np.eye(PANEL_DEGREE + 1))
+    points = 0.25 * chebyshev_points(PANEL_DEGREE)
+    values = (np.polynomial.chebyshev.chebvander(points + centre, PANEL_DEGREE) for centre in CENTRES)
     return np.stack([to_series @ each for each in values])
 
 
 @cache
 def _derivatives() -> tuple[FloatArray, FloatArray]:
     """Return the matrices from a series to those of its first and second derivatives."""
-    one, two = (np.polynomial.chebyshev.chebder(np.eye(DEGREE + 1), order) for order in (1, 2))
+    one, two = (np.polynomial.chebyshev.chebder(np.eye(PANEL_DEGREE + 1), order) for order in (1, 2))
     return np.asarray(one), np.asarray(two)

@@ -23,10 +23,10 @@ from service.dynamics.reduction.geometry.point import r_over_p
 from workers.solvers.certified.real_loop import RealLoop
 from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace, tighter
 
-NEAR_TURN = 0.0625
+TURN_SINE = 0.0625
 """|sin(θ/2)| or |cos(θ/2)| from which on the direct quotient is good enough."""
 
-WIDE = 2.0**-36
+POINT_MAX_RADIUS = 2.0**-36
 """Half the real width of a ball of θ that is a region, not a point."""
 
 
@@ -156,9 +156,9 @@ class LibrationPhase(SmoothPhase):
         at = self.curve.place(v, analytic=analytic)
         direct = self.curve.N(at, analytic=analytic) / (above * below)
         root, other = (self.lower, below) if is_low else (self.upper, -above)
-        if theta.real.rad() > WIDE:
+        if theta.real.rad() > POINT_MAX_RADIUS:
             return at, direct if direct.real > 0 else self._expanded(v, acb(root), other, above * below)
-        if not (sine if is_low else cosine).abs_lower() < NEAR_TURN:
+        if not (sine if is_low else cosine).abs_lower() < TURN_SINE:
             return at, direct
         hull = self.curve.place(v.union(acb(root)), analytic=analytic)
         return at, tighter(direct, self.curve.slope(hull, analytic=analytic) / other)
@@ -235,7 +235,7 @@ class RotationPhase(SmoothPhase):
         v = self.origin + self.direction * theta
         at = self.curve.place(v, analytic=analytic)
         N = self.curve.N(at, analytic=analytic)
-        if theta.real.rad() > WIDE and not N.real > 0:
+        if theta.real.rad() > POINT_MAX_RADIUS and not N.real > 0:
             N = tighter(N, self.curve.expanded_N(v, analytic=True))
         return at, self.curve.W(at) * N
 

@@ -24,7 +24,7 @@ from service.dynamics.reduction.geometry.point import (
 from workers.solvers.complex_plane.angular_part import AngularSeries
 from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA, geometric
 
-NEAR = 2.0**-10
+MIN_SINE_OR_COSINE = 2.0**-10
 
 
 def _trace_slope(tape: Tape, tracer: Tracer) -> tuple[Sequence[Traced], Sequence[Traced]]:
@@ -89,7 +89,7 @@ class RealLoop:
         """Say whether v is too near the equator, or a pole, for the formulas here."""
         sine, cosine = v.sin_cos()
         near = sine if self._is_summed else cosine
-        return not abs(near) > NEAR
+        return not abs(near) > MIN_SINE_OR_COSINE
 
     def _place(self, v: arb) -> tuple[CurvePlace[arb], arb]:
         """Return the place, and c²."""

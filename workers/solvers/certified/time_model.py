@@ -22,25 +22,25 @@ import numpy as np
 from flint import acb, arb, arb_poly, ctx
 from numpy.typing import NDArray
 
-from workers.solvers.certified.cover import LOOSE, Box, bound
+from workers.solvers.certified.cover import MAX_OVERESTIMATE_RATIO, Box, bound
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.certified.phase import MotionPhase, PhaseStretch, TimedPhase
 
 FloatArray = NDArray[np.float64]
 
-SLACK = 1.0625
+PIECE_OVERLAP = 1.0625
 """ρ in half lengths of a piece: pieces overlap, so that a ball at an edge is inside one of them."""
-ROUNDED = 2.0**-50
+PLACE_ROUNDING = 2.0**-50
 """More than the relative rounding of a place to a double."""
 FIRST_PIECES = 4
 """For a phase that grows by π."""
 MAX_PIECES = 600
-SHORTEST = 2.0**-44
+MIN_PIECE_SHARE = 2.0**-44
 """Least length of a piece, relative to its stretch: its ends are doubles."""
-FEWEST = 40
+MIN_CIRCLE_POINTS = 40
 """Places on the circle: the six variables, in doubles, are taken there too."""
 MAX_BOXES = 24
-SMALLEST_BOX = 0.2
+MIN_BOX_SHARE_OF_RADIUS = 0.2
 """Half the side of a box, in radii of the disc."""
 NEWTON_STEPS = 60
 SHARES = (0.0, 1 / 16, 1 / 4, 1 / 2, 3 / 4, 15 / 16, 1.0)
@@ -100,7 +100,7 @@ class TimePiece:
 
     def approximation(self, t: arb) -> arb:
         """Return y on the piece to about the current precision, by Newton's method inside a bracket."""
-        low, high = -arb(1) / SLACK, arb(1) / SLACK
+        low, high = -arb(1) / PIECE_OVERLAP, arb(1) / PIECE_OVERLAP
         lowest, highest = self.time(low).mid(), self.time(high).mid()
         low, high = low.mid(), high.mid()
         y = (low + (high - low) * (t - lowest) / (highest - lowest)).mid()
@@ -186,7 +186,8 @@ class TimeModel:
         """Return the pieces on which a phase, or a time, may be, which is known no better than their ends."""
         last = len(self.pieces) - 1
         # Next to a pole many pieces may begin within the rounding of one double.
-        low, high = float(value.lower()) * (1.0 - ROUNDED), float(value.upper()) * (1.0 + ROUNDED)
+        low = float(value.lower()) * (1.0 - PLACE_ROUNDING)
+        high = float(value.upper()) * (1.0 + PLACE_ROUNDING)
         first = max(0, bisect_left(begins, low) - 1)
         return [
             self.pieces[k]
@@ -233,8 +234,8 @@ def _cut(stretch: PhaseStretch, bits: int) -> Iterator[tuple[arb, arb, arb | Non
     # Next to a pole dt/dθ may vanish, and what is next to nothing need not be known relative to itself. Where
     # A/C is next to 1 it is next to nothing on nearly all of the stretch.
     sizes = [size_at(first + (last - first) * share) for share in SHARES]
-    least = max(size for size in sizes if size.is_finite()) / LOOSE
-    least_time = least * LOOSE * (last - first) * arb(2) ** -bits
+    least = max(size for size in sizes if size.is_finite()) / MAX_OVERESTIMATE_RATIO
+    least_time = least * MAX_OVERESTIMATE_RATIO * (last - first) * arb(2) ** -bits
     count = max(1, round(FIRST_PIECES * (last - first) / pi))
     cuts = [first + (last - first) * k / count for k in range(count)] + [last]
     waiting = list(pairwise(cuts))[::-1]
@@ -251,7 +252,7 @@ def _cut(stretch: PhaseStretch, bits: int) -> Iterator[tuple[arb, arb, arb | Non
                 continue
             middle = 0.5 * (left + right)
             waiting += [(middle, right), (left, middle)]
-            if len(waiting) > MAX_PIECES or right - left < SHORTEST * (last - first):
+            if len(waiting) > MAX_PIECES or right - left < MIN_PIECE_SHARE * (last - first):
                 raise CertifiedUnavailableError(NO_BOUND)
             continue
         # The ends themselves need not be doubles.
@@ -261,7 +262,7 @@ def _cut(stretch: PhaseStretch, bits: int) -> Iterator[tuple[arb, arb, arb | Non
 
 def _bound(phase: TimedPhase, left: float, right: float, size: arb) -> arb | None:
     """Return M, the bound of |dt/dθ| on the disc of 2ρ, where it is holomorphic; None if not proven."""
-    centre, reach = 0.5 * (left + right), SLACK * (right - left)
+    centre, reach = 0.5 * (left + right), PIECE_OVERLAP * (right - left)
     half = 0.5 * reach
     # The lower half of the disc has the conjugate values.
     boxes = [Box(centre + half, half, half), Box(centre - half, half, half)]
@@ -269,7 +270,7 @@ def _bound(phase: TimedPhase, left: float, right: float, size: arb) -> arb | Non
     def meets_disc(box: Box) -> bool:
         return hypot(max(abs(box.x - centre) - box.half, 0.0), box.y - box.half) < 1.001 * reach
 
-    smallest = SMALLEST_BOX * reach
+    smallest = MIN_BOX_SHARE_OF_RADIUS * reach
     return bound(phase, boxes, size=size, smallest=smallest, most=MAX_BOXES, is_needed=meets_disc)
 
 
@@ -278,10 +279,10 @@ def _piece(
 ) -> TimePiece:
     phase = stretch.phase
     centre = ((left + right) / 2).mid()
-    radius = (SLACK * (right - left) / 2).mid()
+    radius = (PIECE_OVERLAP * (right - left) / 2).mid()
     # Even, and such that 5 M 2^-n is a few 2^-bits of the function.
     excess = (largest / size).log() / arb(2).log() if largest > 0 else arb(0)
-    count = max(FEWEST, 2 * (1 + (bits + round(float(excess.max(arb(-bits))))) // 2))
+    count = max(MIN_CIRCLE_POINTS, 2 * (1 + (bits + round(float(excess.max(arb(-bits))))) // 2))
     upper = [phase.motion(centre + radius * y) for y in _circle(count, ctx.prec)]
     rates = [rate for rate, *_ in upper]
     values = rates + [value.conjugate() for value in rates[-2:0:-1]]
@@ -299,7 +300,7 @@ def _piece(
 
 def _bounded_piece(stretch: PhaseStretch, left: arb, right: arb, begin: arb, largest: arb) -> TimePiece:
     """Return a piece of which no more is known than that dt/dθ is between 0 and a bound."""
-    centre, radius = ((left + right) / 2).mid(), (SLACK * (right - left) / 2).mid()
+    centre, radius = ((left + right) / 2).mid(), (PIECE_OVERLAP * (right - left) / 2).mid()
     slope = arb_poly([radius * arb(0).union(largest)])
     time = slope.integral()
     time = time + (begin - time((left - centre) / radius))

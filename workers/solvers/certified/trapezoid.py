@@ -22,7 +22,7 @@ from workers.solvers.certified.strips.bound import bound_on_strip
 SAMPLES = (64, 256, 1024)
 """Numbers of samples of dt/dθ in doubles that show the height of the strip; more where they do not resolve
 it."""
-AUDIBLE = 1e-11
+MAX_RELATIVE_NOISE = 1e-11
 """A coefficient of this size, of the mean, is not yet noise."""
 HIGHEST, LOWEST = 2.5, 0.06
 """Heights of strips that are tried: series on lower ones are longer than pieces of time are many."""
@@ -69,7 +69,7 @@ def _shown_height(phase: LibrationPhase | RotationPhase) -> float | None:
         sizes = np.abs(np.fft.rfft(seen))
         # Even and odd ones may differ.
         sizes = np.maximum(sizes[1:-2], sizes[2:-1])
-        heard = np.flatnonzero(sizes > AUDIBLE * sizes[0])
+        heard = np.flatnonzero(sizes > MAX_RELATIVE_NOISE * sizes[0])
         last = int(heard[-1]) if len(heard) else 0
         if last + 2 < len(sizes):
             break

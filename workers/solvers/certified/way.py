@@ -14,7 +14,7 @@ from flint import acb, arb
 
 from service.dynamics.reduction.start import StartingPoint
 from workers.solvers.certified.phase import (
-    WIDE,
+    POINT_MAX_RADIUS,
     LibrationPhase,
     PhaseStretch,
     RotationPhase,
@@ -26,7 +26,7 @@ from workers.solvers.complex_plane.complex_loop import ComplexLoop, tighter
 from workers.solvers.complex_plane.passage import Passage, drops_matter
 from workers.solvers.complex_plane.questions import VALUE
 
-NEAR_POLE = 0.3
+POLE_DISTANCE = 0.3
 """Distance from a pole within which φ is the phase; beyond, v itself, whose balls are narrower there."""
 
 
@@ -44,7 +44,7 @@ class PassagePhase(SmoothPhase):
         phi = self._sign * theta
         at, slope = self.passage.place(phi, analytic=analytic)
         N = curve.N(at, analytic=analytic)
-        if theta.real.rad() > WIDE and not N.real > 0 and phi.real > 0:
+        if theta.real.rad() > POINT_MAX_RADIUS and not N.real > 0 and phi.real > 0:
             plain = replace(curve, unit=0, pole=0)
             N = tighter(N, plain.expanded_N(self.passage.angle(phi), analytic=True))
         return curve.loop.Z * slope / curve.root_of(at.c_squared * curve.W(at) * N, analytic)
@@ -162,9 +162,9 @@ _Part = tuple[SmoothPhase, arb, arb]
 
 
 def _passages(curve: ComplexLoop, v: arb, other: arb, direction: int) -> list[_Part]:
-    """Return the parts of the way from v to the other place, cut at poles and NEAR_POLE beside them."""
+    """Return the parts of the way from v to the other place, cut at poles and POLE_DISTANCE beside them."""
     poles = [arb.pi() * k for k in range(-4 * direction, 5 * direction, direction)]
-    marks = [pole + direction * off for pole in poles for off in (-NEAR_POLE, 0, NEAR_POLE)]
+    marks = [pole + direction * off for pole in poles for off in (-POLE_DISTANCE, 0, POLE_DISTANCE)]
     inside = [
         mark for mark in marks if direction * mark > direction * v and direction * mark < direction * other
     ]
@@ -175,7 +175,7 @@ def _passages(curve: ComplexLoop, v: arb, other: arb, direction: int) -> list[_P
         pole = round(float(middle / arb.pi()))
         way = 1 if middle > arb.pi() * pole else -1
         side = -way if pole % 2 else way
-        if abs(middle - arb.pi() * pole) < NEAR_POLE:
+        if abs(middle - arb.pi() * pole) < POLE_DISTANCE:
             beside = replace(curve, side=side, pole=(-1) ** pole if knows_drop else 0)
             phase: SmoothPhase = PassagePhase(Passage(beside, pole, way), direction)
         else:

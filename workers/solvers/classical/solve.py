@@ -46,9 +46,10 @@ DISTANCE = "distance_from_relations"
 
 def place_motion(problem: Problem) -> Placed:
     """Return the classical motion of a problem, placed in its body."""
-    assert isinstance(problem.motion, ClassicalMotion)
     body = problem.body
-    return place(problem.motion, (body.A, body.B, body.C), allow_unphysical=body.allow_unphysical)
+    return place(
+        problem.motion_as(ClassicalMotion), (body.A, body.B, body.C), allow_unphysical=body.allow_unphysical
+    )
 
 
 def solve_classical(problem: Problem, *, integrates: bool) -> Motion:
@@ -161,8 +162,7 @@ def _motion(problem: Problem, placed: Placed, dense: DenseOutput, asked: SampleT
 
 def _energy(problem: Problem, placed: Placed) -> Estimate:
     """Return the energy of the state at time 0, exact and then rounded."""
-    body, motion = placed.body, problem.motion
-    assert isinstance(motion, ClassicalMotion)
+    body, motion = placed.body, problem.motion_as(ClassicalMotion)
     assert body.B is not None
     kinetic = sum(
         (m * w * w for m, w in zip((body.A, body.B, body.C), placed.start.omega, strict=True)), Fraction(0)

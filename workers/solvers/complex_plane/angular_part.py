@@ -18,8 +18,7 @@ most M qⁿ/(1 − q) for \|Λ − c\| ≤ q R. Singularities lie near u = −1:
 """
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache, reduce
@@ -29,7 +28,7 @@ from typing import Generic, NamedTuple, TypeVar
 from flint import acb, arb, arb_poly, arb_series, ctx
 
 from service.dynamics.formula.algebra import Algebra, OperatorAlgebra
-from service.dynamics.formula.algebras.ball import BallAlgebra, ball
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball, series_of
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.long_intervals import LongInterval, LongIntervalAlgebra
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, PowerSum, Small
@@ -52,18 +51,19 @@ SPARE_BITS = 24
 SHARE, KNOWN, OUTER = 0.36, 0.49, 0.65
 """Parts of the radius of a disc: on the reals its series serves up to the first, and has all bits up to the
 second, where it takes the points of a circle whose double is within the third. No region reaches further."""
-ELLIPSE = 3.0
-"""k."""
-PANEL = 8.0
+ELLIPSE_RHO = 3.0
+"""k, the sum of the half axes of an ellipse about a panel, in halves of it."""
+FIRST_PANEL_LENGTH = 8.0
 """Length of a panel in y, before it is halved."""
 MOST_HALVINGS, MOST_PIECES, MOST_TERMS = 6, 96, 240
 """Motions that were seen to be answered have 11 to 53 pieces: to make many more would put off a refusal."""
-ROUGHEST = 40.0
+MAX_OVERESTIMATE_BITS = 40.0
 """Bits by which a bound of V1 may be larger than it is: then smaller discs are cheaper."""
 RADII = (1.7, 1.2, 0.8, 0.55, 0.35, 0.2, 0.1, 0.05)
 """Radii that are tried, in parts of the last one that served."""
-FIRST_RADIUS = 1.0
-SMALLEST_RADIUS = 1e-3
+FIRST_DISC_RADIUS = 1.0
+MIN_DISC_RADIUS = 1e-3
+"""Radii in y: of the first disc that is tried, and of the smallest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,9 +196,9 @@ class AngularSeries:
         """Add a piece to the left of the last one; say whether one was found."""
         if len(self._pieces) >= MOST_PIECES:
             return False
-        last = self._pieces[-1].radius if self._pieces else FIRST_RADIUS
+        last = self._pieces[-1].radius if self._pieces else FIRST_DISC_RADIUS
         for radius in (last * share for share in RADII):
-            if radius < SMALLEST_RADIUS:
+            if radius < MIN_DISC_RADIUS:
                 break
             centre = -self._lefts[-1] - SHARE * radius if self._pieces else 0.0
             made = self._made(centre, radius)
@@ -218,7 +218,7 @@ class AngularSeries:
         factor = _largest((1 - self._a) * at.share for at in about)
         panels, largest = [], arb(0)
         length = self._end(centre)
-        count = max(1, ceil(abs(length) / PANEL))
+        count = max(1, ceil(abs(length) / FIRST_PANEL_LENGTH))
         for k in range(count):
             found = self._bounded(about, length, k / count, (k + 1) / count, MOST_HALVINGS)
             if found is None:
@@ -226,13 +226,13 @@ class AngularSeries:
             panels += found
             largest += sum((bound * (high - low) for low, high, bound, _ in found), arb(0))
         largest *= factor
-        if not (factor.is_finite() and largest < size * arb(2) ** ROUGHEST):
+        if not (factor.is_finite() and largest < size * arb(2) ** MAX_OVERESTIMATE_BITS):
             return None
         excess = float((largest / wanted).log().upper()) if largest > wanted else 1.0
         terms = max(8, ceil(excess / -log(KNOWN)))
         if terms > MOST_TERMS:
             return None
-        with ctx.workprec(self._bits + SPARE_BITS), _cap(terms):
+        with ctx.workprec(self._bits + SPARE_BITS), series_of(terms):
             here = self._as_series(centre, radius)
             total, error = arb_series([arb(0)]), arb(0)
             each = wanted / (factor.max(arb(1)) * (1 + len(panels)))
@@ -242,8 +242,8 @@ class AngularSeries:
                 left = 2 * width * bound
                 if not left < each:
                     spare = float((left / each).log().upper()) + 1.0
-                    count = max(2, ceil(spare / (2.0 * log(ELLIPSE))))
-                    left *= arb(32) / 15 * arb(ELLIPSE) ** (-2 * count) / (1 - arb(ELLIPSE) ** -2)
+                    count = max(2, ceil(spare / (2.0 * log(ELLIPSE_RHO))))
+                    left *= arb(32) / 15 * arb(ELLIPSE_RHO) ** (-2 * count) / (1 - arb(ELLIPSE_RHO) ** -2)
                     for node, weight in _rule(count, ctx.prec):
                         s = arb_series([middle + width * node])
                         total = total + here.value(s, is_beyond) * (weight * width)
@@ -252,12 +252,7 @@ class AngularSeries:
             first = arb_poly([series[k] for k in range(terms)])
             second = first.derivative()
             return _Piece(
-                centre,
-                radius,
-                (first, second, second.derivative()),
-                terms,
-                largest,
-                (error * factor).upper(),
+                centre, radius, (first, second, second.derivative()), terms, largest, (error * factor).upper()
             )
 
     def _bounded(
@@ -265,12 +260,12 @@ class AngularSeries:
     ) -> list[_Panel] | None:
         """Return the panel, or its parts, with bounds of the integrand on their ellipses."""
         half, middle = 0.5 * (high - low), 0.5 * (low + high)
-        wide, tall = (0.5 * (ELLIPSE + sign / ELLIPSE) * half for sign in (1, -1))
+        wide, tall = (0.5 * (ELLIPSE_RHO + sign / ELLIPSE_RHO) * half for sign in (1, -1))
         is_beyond = float(self._start) + middle * length > 0.0
         ellipse = acb(arb(middle, wide), arb(0, tall))
         largest = _largest(at.value(ellipse, is_beyond) for at in about)
         # A bound so rough takes more nodes than two panels.
-        if largest < abs(self.at_curve).upper() * arb(2) ** (ROUGHEST / 2):
+        if largest < abs(self.at_curve).upper() * arb(2) ** (MAX_OVERESTIMATE_BITS / 2):
             return [(low, high, largest, is_beyond)]
         if not halvings:
             return None
@@ -448,14 +443,3 @@ def _root_of(tape: Tape) -> int:
     algebra = PowerAlgebra(base, Small(base.constant(GENERIC_W), 1, 1))
     algebra.value(tape.evaluate(algebra, (PowerSum({(Fraction(1), 0): Fraction(1)}),)))
     return lcm(1, *(exponent.denominator for exponent, _ in algebra.powers))
-
-
-@contextmanager
-def _cap(terms: int) -> Iterator[None]:
-    """Let series have so many terms."""
-    before = ctx.cap
-    ctx.cap = terms
-    try:
-        yield
-    finally:
-        ctx.cap = before

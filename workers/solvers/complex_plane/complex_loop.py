@@ -24,13 +24,7 @@ from service.dynamics.formula.programs import MANY_EVALUATIONS, Kind, Way
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.geometry.point import (
-    LoopNumbers,
-    bends_of,
-    gamma_of,
-    rates_of,
-    speed_factor,
-)
+from service.dynamics.reduction.geometry.point import LoopNumbers, bends_of, gamma_of, rates_of, speed_factor
 from workers.solvers.complex_plane.angular_part import AngularSeries
 from workers.solvers.complex_plane.questions import BEND, SLOPE, VALUE, PlaneQuestion
 
@@ -39,10 +33,10 @@ Ball = TypeVar("Ball", arb, acb)
 
 MAX_WHOLE_ALPHA = 32
 """Integers α up to this are summed as powers; all where a pole is passed."""
-OFTEN_ABOUT_POLES = 4
+MANY_EVALUATIONS_ABOUT_POLES = 4
 """As MANY_EVALUATIONS of programs: sums of powers are dearer."""
-NEAR_EQUATOR = 2.0**-8
-NEAR_POLE = 2.0**-3
+EQUATOR_COSINE_SQUARED = 2.0**-8
+NEAR_POLE_SINE = 2.0**-3
 _UNKNOWN = acb(arb.nan())
 
 
@@ -93,7 +87,7 @@ class ComplexLoop:
         """Return the place; not finite if ``analytic`` and the curve is not holomorphic on the ball."""
         loop = self.loop
         sine, cosine = v.sin_cos()
-        if self.side and sine.abs_upper() < NEAR_POLE:
+        if self.side and sine.abs_upper() < NEAR_POLE_SINE:
             # Its ball is as wide as that of v, where cos v changes by |sin v| times this.
             narrow = (1 - sine * sine).sqrt(analytic)
             cosine = narrow if cosine.real > 0 else -narrow
@@ -208,7 +202,7 @@ class ComplexLoop:
 
     @property
     def _often(self) -> int:
-        return OFTEN_ABOUT_POLES if self._has_poles else MANY_EVALUATIONS
+        return MANY_EVALUATIONS_ABOUT_POLES if self._has_poles else MANY_EVALUATIONS
 
     @property
     def _has_poles(self) -> bool:
@@ -249,7 +243,7 @@ class ComplexLoop:
         log = (-u).log1p() if is_right and u.abs_upper() < 0.75 else 2 * signed.log(analytic)
         direct = -(alpha * log).expm1() / u
         # The direct quotient is rough where u is small, and on balls about as wide as u.
-        if not (is_right and u.abs_lower() < arb(NEAR_EQUATOR).max(4 * u.real.rad())):
+        if not (is_right and u.abs_lower() < arb(EQUATOR_COSINE_SQUARED).max(4 * u.real.rad())):
             return direct
         hull = acb(1).union(1 - u)
         if self.unit and analytic:

@@ -24,7 +24,7 @@ from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.geometry.loop import Loop
 from workers.solvers.complex_plane.complex_loop import ComplexLoop, ComplexPlace
 
-GENERIC = Fraction(2, 3)
+GENERIC_ROOT_OF_SINE = Fraction(2, 3)
 """A value of |sin v|^(1/unit) at which a formula is asked for its powers."""
 
 
@@ -34,7 +34,7 @@ def unit_at_poles(loop: Loop, tape: Tape) -> int:
     0 if n = 1 serves on both sides of a pole at once: V is a function of sin v there.
     """
     base, denominator = BallAlgebra(), loop.alpha.denominator
-    number = base.constant(GENERIC)
+    number = base.constant(GENERIC_ROOT_OF_SINE)
     drop = PowerSum({(Fraction(2), 0): number})
     asked: set[Power] = set()
     for pole in (1, -1):

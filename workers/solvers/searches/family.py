@@ -37,21 +37,19 @@ Slot = Fraction | int
 """A number that is given, or the place of the unknown that it is."""
 
 NEWTON_TRIES = 24
-NEAR_TURN = 0.25
-"""|sin²(θ/2)|, or |cos²(θ/2)|, below which K is an average of slopes."""
-NEAR_EQUATOR = 2.0**-6
-QUIET = 0.9
+EQUATOR_COSINE_SQUARED = 2.0**-6
+ENERGY_V = 0.9
 """|v| of the place at which energies are taken."""
-POINT = 2.0**-30
+POINT_MAX_RADIUS = 2.0**-30
 """Radius of v below which it is a point, and N is known well enough."""
-STEP = 2.0**-40
+LAST_STEP_RELATIVE_LENGTH = 2.0**-40
 WIDER, TINY = 1.25, 2.0**-200
 """A ball in which a zero is looked for is so much wider than what the last one suggests."""
 
 UNKNOWN = acb(arb.nan())
-_ALGEBRA = ComplexBallAlgebra(analytic=True)
-_JETS = FirstOrderJets(_ALGEBRA, 1)
-_BENDS = SecondOrderJets(_ALGEBRA, 1)
+ALGEBRA = ComplexBallAlgebra(analytic=True)
+_JETS = FirstOrderJets(ALGEBRA, 1)
+_BENDS = SecondOrderJets(ALGEBRA, 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,7 +101,7 @@ class FamilyCurve:
         self.parameters = tuple(self.numbers[k] for k in family.extra)
 
     def _number(self, slot: Slot) -> acb:
-        return self.numbers[slot] if isinstance(slot, int) else _ALGEBRA.constant(slot)
+        return self.numbers[slot] if isinstance(slot, int) else ALGEBRA.constant(slot)
 
     def _equator(self, log_lambda: acb) -> tuple[acb, acb, acb, acb]:
         """Return Z, G, and the derivatives of log Z by log λ and by α, from Z² + (Z/λ)^{2α} = 1."""
@@ -149,7 +147,7 @@ class FamilyCurve:
     def _quotient(self, log: acb, u: acb) -> acb:
         """Return (1 − |sin v|^{2α}) / cos²v, which is an average of α (1 − su)^{α−1}."""
         direct = -(2 * self.alpha * log).expm1() / u
-        if not u.abs_lower() < NEAR_EQUATOR:
+        if not u.abs_lower() < EQUATOR_COSINE_SQUARED:
             return direct
         hull = acb(1).union(1 - u)
         return tighter(direct, self.alpha * ((self.alpha - 1) * hull.log(True)).exp())
@@ -171,7 +169,7 @@ class FamilyCurve:
     def N(self, v: acb, at: CurvePlace[acb] | None = None) -> acb:
         """Return h − V; about the middle of the numbers, if these are wide."""
         at = self.place(v) if at is None else at
-        plain = self.h - self.family.tape.evaluate(_ALGEBRA, (*gamma_of(self._curve, at), *self.parameters))
+        plain = self.h - self.family.tape.evaluate(ALGEBRA, (*gamma_of(self._curve, at), *self.parameters))
         if self._middle is None:
             return plain
         jets, beside = self._jets, [self._numbers[k] for k in self.family.extra]
@@ -187,13 +185,13 @@ class FamilyCurve:
     @cached_property
     def _middle(self) -> "FamilyCurve | None":
         """The curve at the middle of the numbers; None if they are points."""
-        if all(number.rad() < POINT for number in self.numbers):
+        if all(number.rad() < POINT_MAX_RADIUS for number in self.numbers):
             return None
         return FamilyCurve(self.family, [number.mid() for number in self.numbers], self.side)
 
     @property
     def _quiet(self) -> acb:
-        return acb(QUIET if self.side >= 0 else -QUIET)
+        return acb(ENERGY_V if self.side >= 0 else -ENERGY_V)
 
     @cached_property
     def _energy_slopes(self) -> Sequence[acb]:
@@ -213,7 +211,7 @@ class FamilyCurve:
 
     @cached_property
     def _jets(self) -> FirstOrderJets[acb]:
-        return FirstOrderJets(_ALGEBRA, len(self.numbers))
+        return FirstOrderJets(ALGEBRA, len(self.numbers))
 
     @cached_property
     def _numbers(self) -> tuple[Jet[acb], ...]:
@@ -241,7 +239,10 @@ class FamilyCurve:
         return alpha, Z, jets.seed(self.G, [-self.Z * self.Z / self.G * rate for rate in rates])
 
     def _gamma_jets(self, v: acb) -> tuple[Jet[acb], Jet[acb], Jet[acb]]:
-        """Return g1, g2, g3 with their derivatives by the numbers, at a place that stays."""
+        """Return g1, g2, g3 with their derivatives by the numbers, at a place that stays.
+
+        It is :func:`.point.gamma_of` over jets, in which Z, G, α and c depend on the numbers.
+        """
         jets, none = self._jets, [None] * len(self.numbers)
         alpha, Z, G = self._curve_jets
         sine, cosine = v.sin_cos()
@@ -270,7 +271,7 @@ class FamilyCurve:
     def slope(self, v: acb) -> acb:
         """Return dN/dv."""
         found = self._slope(v)
-        if v.rad() < POINT:
+        if v.rad() < POINT_MAX_RADIUS:
             return found
         middle = v.mid()
         return tighter(found, self._slope(middle) + self.bend(v) * (v - middle))
@@ -306,7 +307,7 @@ def near_zero(value: Callable[[acb], acb], slope: Callable[[acb], acb], start: a
         if not step.is_finite():
             break
         at = (at - step).mid()
-        if step.abs_upper() < STEP * (1 + at.abs_upper()):
+        if step.abs_upper() < LAST_STEP_RELATIVE_LENGTH * (1 + at.abs_upper()):
             break
     return at
 

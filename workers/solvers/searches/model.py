@@ -32,17 +32,17 @@ from workers.solvers.searches.family import (
 
 LINES = (0.7, 0.4)
 """Shares of the height of the strip, where the time at the middle is proved to be analytic, that η has."""
-COARSE = 34
+COARSE_BITS = 34
 """Bits of values on the way."""
 STRIPS = (0.5, 0.2, 0.08)
 """Half widths of the strips that are tried about a whole turn."""
 CELLS, MOST_CELLS = 16, 512
 """Cells of a half turn at first, and at most."""
-ROUGH = 1.0
+MAX_CELL_RADIUS = 1.0
 """A cell is cut while its radius is a larger share of it than this."""
-ULPS = 1e-12
+SUM_ROUNDING = 1e-12
 """Relative rounding of a sum of all cells in doubles, at most."""
-STEP = Fraction(1, 2**9)
+DIFFERENCE_STEP_SHARE = Fraction(1, 2**9)
 """Derivatives are differences of values at so small a share of the radius."""
 
 Numbers = Sequence[Fraction]
@@ -134,21 +134,21 @@ class BoundedFunction:
         value = self.value(at, bits)
         gradient, squares, aboves = [], [], []
         for k, R in enumerate(radii):
-            step = R * STEP
+            step = R * DIFFERENCE_STEP_SHARE
             above, below = (
                 self.value([x + sign * step if j == k else x for j, x in enumerate(at)], bits)
                 for sign in (1, -1)
             )
             aboves.append(above)
             # What the differences leave out are the terms of the series from the third, and the fourth, on.
-            q, d, M = ball(STEP), ball(step), self.bound
+            q, d, M = ball(DIFFERENCE_STEP_SHARE), ball(step), self.bound
             left_out = M * q**2 / (1 - q**2)
             gradient.append((above - below) / (2 * d) + arb(0, (left_out / ball(R)).upper()))
             squares.append(((above + below) / 2 - value) / d**2 + arb(0, (left_out / ball(R) ** 2).upper()))
         mixed = arb(0)
         if len(radii) > 1:
-            corner = self.value([x + R * STEP for x, R in zip(at, radii, strict=True)], bits)
-            area, q = ball(radii[0] * radii[1]), ball(STEP)
+            corner = self.value([x + R * DIFFERENCE_STEP_SHARE for x, R in zip(at, radii, strict=True)], bits)
+            area, q = ball(radii[0] * radii[1]), ball(DIFFERENCE_STEP_SHARE)
             left_out = (self.bound / area * (1 / (1 - q) ** 2 - 1)).upper()
             mixed = (corner - aboves[0] - aboves[1] + value) / (area * q * q) + arb(0, left_out)
         wide = tuple(ball(each) for each in radii)
@@ -173,7 +173,7 @@ def period_model(
     around = FamilyCurve(family, polydisc(centre, radii), window.side)
     ends = real_ends(_at(family, centre, window.side), window.ends)
     # At the middle the line may take the place of the real axis.
-    strip = motion_at(centre, (ends[0].real, ends[1].real), COARSE).strip
+    strip = motion_at(centre, (ends[0].real, ends[1].real), COARSE_BITS).strip
     for share in LINES:
         height = 0.0 if strip is None else share * strip.height
         mean = _mean(lambda theta: libration_rate(around, ends, theta), height, height) if height else inf
@@ -293,10 +293,10 @@ def _mean(value: Callable[[acb], acb], low: float, high: float) -> float:
     while waiting:
         k, of = waiting.pop()
         cell = value(acb((pi * k / of).union(pi * (k + 1) / of), imaginary))
-        if cell.is_finite() and (of >= MOST_CELLS or cell.rad() < ROUGH * cell.abs_lower()):
+        if cell.is_finite() and (of >= MOST_CELLS or cell.rad() < MAX_CELL_RADIUS * cell.abs_lower()):
             total += float(cell.abs_upper().upper()) / of
         elif of >= MOST_CELLS:
             return inf
         else:
             waiting += [(2 * k, 2 * of), (2 * k + 1, 2 * of)]
-    return total * (1.0 + ULPS)
+    return total * (1.0 + SUM_ROUNDING)

@@ -12,6 +12,7 @@ from typing import Literal
 
 from flint import arb, ctx
 
+from service.dynamics.discovery.outcomes import Tell, untold
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import PlanarMotion, Problem, Start, StartAtEquator, StartAtPoint
@@ -26,7 +27,7 @@ from workers.solvers.certified.errors import PrecisionNeededError
 from workers.solvers.certified.orbit import passes_pole
 from workers.solvers.searches.family import ProblemFamily
 from workers.solvers.searches.model import (
-    COARSE,
+    COARSE_BITS,
     BoundedFunction,
     FamilyWindow,
     Numbers,
@@ -35,21 +36,28 @@ from workers.solvers.searches.model import (
     period_model,
     precession_model,
 )
-from workers.solvers.searches.structure import Box, halves, joined
+from workers.solvers.searches.structure import (
+    Box,
+    halves,
+    is_analytic_at_poles,
+    joined,
+    share_of,
+    windows_stay,
+)
 
 Of = Literal["period", "energy", "precession.psi1", "precession.psi3"]
 
-BITS = 96
+SEARCH_BITS = 96
 """Precision of the search; solutions are enclosed again at twice as many."""
-FINE = 80
+SOLUTION_BITS = 80
 """Bits of the values at a solution."""
-LARGEST_SHARE = Fraction(1, 2)
+MAX_HALF_BOX_SHARE = Fraction(1, 2)
 """Half a box is at most this share of the radius of the polydisc about its middle."""
-NARROWEST = Fraction(1, 2**34)
+MIN_BOX_SHARE = Fraction(1, 2**34)
 """A box of this share of the interval is not cut any more."""
-DEEPEST = 1024
+MAX_LEAVES_PER_SIDE = 1024
 """Leaves of a box are at least this part of it."""
-POLISHES = 6
+NEWTON_TRIES = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,10 +71,12 @@ class Target:
 
 @dataclass(frozen=True, slots=True)
 class FoundNumbers:
-    """Enclosures of the unknowns, among which there is exactly one solution of this window."""
+    """Enclosures of the unknowns, among which there is a solution of this window, and how that is known."""
 
     values: tuple[arb, ...]
     window: int
+    proof: Literal["proved", "possible"] = "proved"
+    """A solution that a search of boxes has proved is the only one among them."""
 
     def is_same(self, other: "FoundNumbers") -> bool:
         """Whether both enclose one solution: that of boxes side by side."""
@@ -94,6 +104,8 @@ class FamilySearch:
     """The number of windows on the whole box, where that is proved."""
     is_even: bool = True
     """V is even in g2 for all numbers, or for none that are met: mirror images are one window."""
+    tell: Tell = untold
+    """Is told the share of the box that is settled, or given up."""
 
     @property
     def needs_period(self) -> bool:
@@ -109,17 +121,39 @@ class FamilySearch:
             They are not settled.
         """
         problem = self.problem_at(at)
-        assert isinstance(problem.motion, PlanarMotion)
         try:
-            found = find_windows(problem.body, problem.potential, problem.motion)
+            found = find_windows(problem.body, problem.potential, problem.motion_as(PlanarMotion))
         except NoMotionError:
             found = ()
         return [(each, arc) for each in found for arc in (each.arcs[:1] if self.is_even else each.arcs)]
 
+    def motions_stay(self, box: Box) -> bool:
+        """Whether the motions at both ends of an interval are proved to go over into each other.
+
+        Each window stays then, with its number, and V is analytic wherever its motion goes: what depends on
+        the motion and on derivatives of V is continuous.
+        """
+        with ctx.workprec(SEARCH_BITS):
+            if not windows_stay(self.family, box):
+                return False
+            try:
+                ends = [self.arcs_at(end) for end in zip(*box, strict=True)]
+            except DynamicsError:
+                return False
+            # Windows neither meet nor pass a pole, so that their order along the curve stays: their numbers,
+            # which go by the largest |g1|, need not.
+            first, last = ([window.index for window, _ in sorted(end, key=_place)] for end in ends)
+            goes_round = any(arc.is_whole_loop or passes_pole(arc) for _, arc in ends[0])
+            return first == last and (not goes_round or is_analytic_at_poles(self.family, box))
+
+
+def _place(found: tuple[ReducedWindow, Arc]) -> float:
+    return float(found[1].lower.mid())
+
 
 def search(question: FamilySearch, whole: Box) -> SearchResult:
     """Return the solutions in a box."""
-    with ctx.workprec(BITS):
+    with ctx.workprec(SEARCH_BITS):
         return _Search(question, whole).found()
 
 
@@ -130,29 +164,31 @@ class _Search:
         self._undecided: list[Box] = []
 
     def found(self) -> SearchResult:
-        waiting = [self._whole]
+        waiting, done = [self._whole], 0.0
         while waiting:
             box = waiting.pop()
             if self._question.is_late():
                 self._undecided.append(box)
             elif not self._is_settled(box):
-                if self._is_narrow(box):
-                    self._undecided.append(box)
-                else:
+                if not self._is_narrow(box):
                     waiting += halves(box, self._whole)
+                    continue
+                self._undecided.append(box)
+            done += share_of(box, self._whole)
+            self._question.tell(done)
         ordered = sorted(self._solutions, key=lambda each: float(each.values[0].mid()))
         return SearchResult(tuple(ordered), tuple(joined(self._undecided)))
 
     def _is_narrow(self, box: Box) -> bool:
         return all(
-            high - low <= NARROWEST * (top - bottom)
+            high - low <= MIN_BOX_SHARE * (top - bottom)
             for (low, high), (bottom, top) in zip(box, self._whole, strict=True)
         )
 
     def _is_settled(self, box: Box) -> bool:
         """Settle all windows of a box; False if it has to be cut first."""
         middle = [(low + high) / 2 for low, high in box]
-        radii = [(high - low) / 2 / LARGEST_SHARE for low, high in box]
+        radii = [(high - low) / 2 / MAX_HALF_BOX_SHARE for low, high in box]
         try:
             seen = self._windows(middle)
             models = [(window, self._models(window, arc, middle, radii)) for window, arc in seen]
@@ -185,8 +221,7 @@ class _Search:
 
     def _motion_at(self, arc: Arc, at: Numbers, ends: tuple[arb, arb], bits: int) -> IntegralMotion:
         problem = self._question.problem_at(at)
-        assert isinstance(problem.motion, PlanarMotion)
-        loop = make_loop(problem.body, problem.potential, problem.motion)
+        loop = make_loop(problem.body, problem.potential, problem.motion_as(PlanarMotion))
         here = replace(arc, loop=loop, lower=ends[0].mid(), upper=ends[1].mid())
         # The period is the same from every start.
         return integral_motion(StartingPoint(here, here.lower, 0), bits)
@@ -196,8 +231,7 @@ class _Search:
         model = precession_model(family, window, centre, radii)
         if window.ends is not None:
             return model
-        motion = self._question.problem_at(centre).motion
-        assert isinstance(motion, PlanarMotion)
+        motion = self._question.problem_at(centre).motion_as(PlanarMotion)
         sense = motion.sign_of_g1 * motion.g3_sign * (1 if motion.start is None else _s_sign(motion.start))
         # ψ1 gains the advance and ψ3 loses the rest of a turn; the mirror to A < C exchanges the axes.
         if (of == "precession.psi1") != family.mirrored:
@@ -213,7 +247,7 @@ class _Search:
         PrecisionNeededError
             The bounds are too rough for it: those of a smaller box are closer.
         """
-        smallest = [(high - low) / DEEPEST for low, high in box]
+        smallest = [(high - low) / MAX_LEAVES_PER_SIDE for low, high in box]
         waiting = [box]
         while waiting:
             leaf = waiting.pop()
@@ -225,7 +259,7 @@ class _Search:
             slopes = list[Slopes]()
             for model, condition in zip(models, self._question.conditions, strict=True):
                 # The first ones take least time.
-                slopes.append(model.slopes(middle, COARSE))
+                slopes.append(model.slopes(middle, COARSE_BITS))
                 if not slopes[-1].range_on(half).overlaps(condition.equals()):
                     break
             else:
@@ -260,10 +294,10 @@ class _Search:
 
     def _polished(self, models: Sequence[BoundedFunction], values: Sequence[arb]) -> tuple[arb, ...]:
         """Narrow a solution, of which there is one among these ``values``."""
-        with ctx.workprec(2 * BITS):
-            for _ in range(POLISHES):
+        with ctx.workprec(2 * SEARCH_BITS):
+            for _ in range(NEWTON_TRIES):
                 at = [exact_middle(x) for x in values]
-                slopes = [model.slopes(at, FINE) for model in models]
+                slopes = [model.slopes(at, SOLUTION_BITS) for model in models]
                 matrix = [each.gradient_on([x.rad() for x in values]) for each in slopes]
                 step = _solved(matrix, self._missed(slopes))
                 if step is None:

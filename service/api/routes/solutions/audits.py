@@ -33,13 +33,13 @@ from service.api.routes.jobs import SubmitQuery
 from service.api.submission import accept, check
 from service.api.verdicts.examiner import Submission
 from service.jobs.records import Job
-from service.jobs.store import Receipt
 from service.schemas.problem.documents import MEMBERS, AuditIn, audited_problem
 from service.schemas.reading.documents import Document, InvalidProblemError, Part
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import AuditOut, AuditPageOut
 from service.settings import Settings
+from service.storage.keys.idempotency_store import Receipt
 from service.storage.searching.sources import audits_of
 from service.storage.solutions.audit_store import Audit
 from service.storage.solutions.solution_store import standing_of

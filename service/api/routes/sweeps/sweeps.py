@@ -26,7 +26,6 @@ from service.api.submission import ESTIMATE_WORK, estimate_sweep
 from service.jobs.chunking import largest_chunk
 from service.jobs.keys import ApiKey
 from service.jobs.records import Job, JobState, SweepPage, SweepRecord
-from service.jobs.store import GivenKey
 from service.schemas.query.conditions import in_state
 from service.schemas.reading.annotation import split_annotation
 from service.schemas.reading.documents import Document, Fault, Part
@@ -38,6 +37,7 @@ from service.schemas.sweep.reading import InvalidSweepError, read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.settings import Settings
 from service.storage.jobs.chunks import range_of
+from service.storage.keys.idempotency_store import GivenKey
 from service.storage.searching.sources import OF_SWEEP_ROWS, chunks_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])

@@ -54,7 +54,7 @@ from service.dynamics.potentials.terms.powers import (
 
 QUARTER = parse("pi/4")
 """The reference angle at which powers of the cosine and the sine are the same."""
-MOST_TERMS = 8
+MAX_TERMS = 8
 """Largest number of terms: those of longer sums cancel next to a pole."""
 ZERO, HALF = Fraction(0), Fraction(1, 2)
 
@@ -183,7 +183,7 @@ def _term(body: RigidBody, m: Fraction) -> _Term | None:
     if m == 0:
         return _Term(Fraction(0), Fraction(1), {(Fraction(0), Fraction(0)): Fraction(-1)})
     N = max(alpha * m, -m)
-    if N.denominator != 1 or not 1 <= N <= MOST_TERMS:
+    if N.denominator != 1 or not 1 <= N <= MAX_TERMS:
         return None
     degree, n = 2 * (alpha - 1) * m, N.numerator - 1
     if (alpha > 1) == (m > 0) and multiplicity(alpha, n) is not None:

@@ -38,7 +38,7 @@ from service.dynamics.solution.dense_output import chebyshev_coefficients, cheby
 
 FloatArray = NDArray[np.float64]
 
-DEGREE = 16
+PANEL_DEGREE = 16
 FACING: dict[Region, float] = {"north": 1.0, "middle": 0.0, "south": -1.0}
 """The sign of g2 at the pole that a region faces."""
 POLE_PANELS = 40
@@ -52,9 +52,9 @@ TAIL_RELATIVE_SIZE = 1e-9
 INFINITY_RELATIVE_WIDTH = 1e-3
 """Relative width of a panel about a place where P is infinite: there its sign is known by other means."""
 MAX_SPLITS = 12
-MAX_LEVELLING_POWER = 400.0
+MAX_LEVELLING_EXPONENT = 400.0
 """Largest power of the distance to a pole that a panel is levelled by."""
-MAX_POWER_LAW = 2000.0
+MAX_POWER_LAW_EXPONENT = 2000.0
 """A larger one is not that of a power law, and panels would never be short enough for a series."""
 
 
@@ -76,7 +76,7 @@ class RegionPanel:
     def nodes(self) -> FloatArray:
         """Return the places of the series, from right to left."""
         middle, half = 0.5 * (self.left + self.right), 0.5 * (self.right - self.left)
-        return middle + half * chebyshev_points(DEGREE)
+        return middle + half * chebyshev_points(PANEL_DEGREE)
 
 
 def resolved_panels(
@@ -106,7 +106,7 @@ def resolved_panels(
             if good:
                 done.append((panel, coefficients))
             elif split == MAX_SPLITS or (panel.in_balls and np.isnan(coefficients[0])):
-                done.append((panel, np.full(DEGREE + 1, np.nan)))
+                done.append((panel, np.full(PANEL_DEGREE + 1, np.nan)))
             elif panel.in_balls:
                 following.extend(panel.halves())
             else:
@@ -155,7 +155,7 @@ def _towards_pole(loop: Loop, g3_sign: int, radicand: Radicand, region: Region) 
 
 
 def _levelled_values(loop: Loop, g3_sign: int, radicand: Radicand, panels: list[RegionPanel]) -> FloatArray:
-    """Return P at the nodes of all panels, levelled, shape (DEGREE + 1, panels)."""
+    """Return P at the nodes of all panels, levelled, shape (PANEL_DEGREE + 1, panels)."""
     nodes = np.stack([panel.nodes() for panel in panels], axis=1)
     facing = np.array([FACING[panel.region] for panel in panels])
     cosines = np.where(facing < 0.0, -1.0, 1.0) * np.cos(nodes)
@@ -167,8 +167,8 @@ def _levelled_values(loop: Loop, g3_sign: int, radicand: Radicand, panels: list[
         ratio = values[0] / values[-1]
         power = np.log(np.where(ratio > 0.0, ratio, 1.0)) / np.log(nodes[0] / nodes[-1])
         # A zero at an end of the panel, as one on the equator, is no power of the distance to a pole.
-        is_flat = (facing != 0.0) & (np.abs(power) > MAX_POWER_LAW)
-        power = np.where(facing == 0.0, 0.0, np.clip(power, -MAX_LEVELLING_POWER, MAX_LEVELLING_POWER))
+        is_flat = (facing != 0.0) & (np.abs(power) > MAX_POWER_LAW_EXPONENT)
+        power = np.where(facing == 0.0, 0.0, np.clip(power, -MAX_LEVELLING_EXPONENT, MAX_LEVELLING_EXPONENT))
         levelled = values * (nodes / nodes[0]) ** -power
     levelled[:, is_flat] = np.nan
     return np.where(np.isfinite(levelled), levelled, np.nan)

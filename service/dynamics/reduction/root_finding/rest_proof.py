@@ -37,7 +37,7 @@ MAX_POLYNOMIAL_DEGREE = 4
 MAX_CURVE_DEGREE = 400
 POINT_BITS = 1024
 """Bits of the place itself."""
-NEAR_BITS = 24
+SAME_PLACE_BITS = 24
 """A place is the one that was meant within 2^-24 of its distance from the pole."""
 COEFFICIENT_BITS = 24
 """Coefficients of a polynomial that is taken for more than chance are at most so long."""
@@ -136,7 +136,7 @@ def _answer_at(
     with ctx.workprec(POINT_BITS):
         exact = _angle(loop, ExactCurve(loop, AlgebraicAlgebra()).point(v, guess), v)
     # Another zero than the one that was meant.
-    return (exact, answer) if abs(exact - v) < arb(2) ** -NEAR_BITS * abs(v.sin()) else None
+    return (exact, answer) if abs(exact - v) < arb(2) ** -SAME_PLACE_BITS * abs(v.sin()) else None
 
 
 def _angle(loop: Loop, place: Triple, v: arb) -> arb:

@@ -29,7 +29,12 @@ from service.dynamics.formula.algebras.series import SeriesAlgebra, along_curve
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.vanishing import VanishingPart, parts_in_g2, with_vanishing
 from service.dynamics.reduction.root_finding.gap import equator_point
-from service.dynamics.reduction.root_finding.rest_proof import NEAR_BITS, POINT_BITS, exact_at, numbers_near
+from service.dynamics.reduction.root_finding.rest_proof import (
+    POINT_BITS,
+    SAME_PLACE_BITS,
+    exact_at,
+    numbers_near,
+)
 from service.dynamics.reduction.root_finding.zeros import (
     MAX_ORDER,
     LoopPlace,
@@ -127,7 +132,7 @@ def _first_order(algebra: AlgebraicAlgebra, series: Callable[[int], list[Algebra
 
 def order_at_part(half: Half, v: arb) -> tuple[arb, int] | None:
     """Return the place next to ``v`` where a part of the formula vanishes, and the order of D there."""
-    nearest = arb(2) ** -NEAR_BITS * v.sin()
+    nearest = arb(2) ** -SAME_PLACE_BITS * v.sin()
     for part in parts_in_g2(half.tape):
 
         def value(x: arb, part: VanishingPart = part) -> arb:

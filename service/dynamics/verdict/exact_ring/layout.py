@@ -11,7 +11,7 @@ from flint import fmpq_mpoly
 
 MAX_ATOMS = 16
 """Roots, exponentials, logarithms, sines, divisors and their like that one proof may use."""
-MAX_DEGREE = 10**12
+MAX_EXPONENT_DENOMINATOR = 10**12
 """Largest denominator of a fractional exponent: exponents must stay far inside 64 bits."""
 
 
@@ -50,8 +50,8 @@ class Layout:
     def with_degree(self, key: str, multiple: int) -> "Layout":
         """Return a layout where the degree of ``key`` is a multiple of ``multiple`` too."""
         degree = lcm(self.degree(key), multiple)
-        if degree > MAX_DEGREE:
-            raise NoProofError(f"a root of a degree beyond {MAX_DEGREE}")
+        if degree > MAX_EXPONENT_DENOMINATOR:
+            raise NoProofError(f"a root of a degree beyond {MAX_EXPONENT_DENOMINATOR}")
         return replace(self, degrees={**self.degrees, key: degree})
 
     def with_more_atoms(self) -> "Layout":
@@ -75,9 +75,9 @@ class LayoutTooSmallError(Exception):
 
 MAX_TERMS = 20_000
 """Terms of one polynomial; beyond, the numeric route is the faster one."""
-MAX_WORK = 4_000_000
+MAX_TERM_PRODUCTS = 4_000_000
 """Products of terms in one proof, about a second."""
-MAX_BITS = 2**27
+MAX_COEFFICIENT_BITS = 2**27
 """Bits of all coefficients of one polynomial (16 MB): flint aborts the process if it gets no memory."""
 
 
@@ -96,7 +96,7 @@ class Work:
     def spend(self, products: int) -> None:
         """Count operations; abandon the proof when it gets too long."""
         self.spent += products
-        if products > MAX_WORK // 4 or self.spent > MAX_WORK:
+        if products > MAX_TERM_PRODUCTS // 4 or self.spent > MAX_TERM_PRODUCTS:
             raise NoProofError("polynomials too large for a proof")
 
     def expand(self, terms: int, exponent: int, factor: int, bits: int) -> None:
@@ -115,7 +115,7 @@ class Work:
 
 def require_room(terms: int, bits: int) -> None:
     """Give up before ``terms`` coefficients of so many bits would take too much memory."""
-    if terms * bits > MAX_BITS:
+    if terms * bits > MAX_COEFFICIENT_BITS:
         raise NoProofError("coefficients too large for a proof")
 
 

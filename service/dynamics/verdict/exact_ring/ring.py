@@ -37,7 +37,7 @@ from service.dynamics.verdict.exact_ring.generators import (
     exponents_of,
 )
 from service.dynamics.verdict.exact_ring.layout import (
-    MAX_BITS,
+    MAX_COEFFICIENT_BITS,
     Layout,
     LayoutTooSmallError,
     NoProofError,
@@ -285,7 +285,7 @@ class Ring:
         """Return dividend / divisor if that is quickly recognised as a polynomial, else None."""
         degrees = zip(dividend.degrees(), divisor.degrees(), strict=True)
         steps = max((int(high) // int(low) for high, low in degrees if low > 0), default=0)
-        if steps > MAX_DIVISION_STEPS or steps * len(dividend) * height(dividend) > MAX_BITS:
+        if steps > MAX_DIVISION_STEPS or steps * len(dividend) * height(dividend) > MAX_COEFFICIENT_BITS:
             return None
         self.work.spend(len(dividend) * len(divisor) * (steps + 1))
         quotient, remainder = divmod(dividend, divisor)

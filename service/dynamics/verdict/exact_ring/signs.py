@@ -24,8 +24,8 @@ from service.dynamics.verdict.exact_ring.values import GeneratorValues, coordina
 
 MAX_PIECES = 160
 """Pieces of the sphere on which balls are tried for one sign."""
-MIN_PIECE_SIZE = 1 / 64
-WORK_OF_A_PIECE = 40
+MIN_PIECE_WIDTH = 1 / 64
+PRODUCTS_OF_A_PIECE = 40
 """Cost of evaluating one term in balls, in products of terms."""
 MAX_TERMS = 60
 """Most terms of an element whose sign is searched; the root of a longer one is kept."""
@@ -191,12 +191,12 @@ class Signs:
             if box is None:
                 continue
             pieces += 1
-            self._ring.work.spend(WORK_OF_A_PIECE * len(element.numerator))
+            self._ring.work.spend(PRODUCTS_OF_A_PIECE * len(element.numerator))
             placed = (flips[0] * box[0], flips[1] * box[1], flips[2] * box[2])
             found = _sign(GeneratorValues(self._ring, placed).element(element))
             if found == sign:
                 continue
-            if found or pieces > MAX_PIECES or first[1] - first[0] < MIN_PIECE_SIZE:
+            if found or pieces > MAX_PIECES or first[1] - first[0] < MIN_PIECE_WIDTH:
                 return False
             pending += [(a, b) for a in _halves(first) for b in _halves(third)]
         return True

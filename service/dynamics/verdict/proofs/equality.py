@@ -27,7 +27,7 @@ from service.dynamics.verdict.exact_ring.layout import (
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra, in_large_enough_ring
 
-MAX_FREE = 2
+MAX_FREE_VARIABLES = 2
 """Variables other than g1, g2, g3 that the sphere has room for."""
 _CHECK_BITS = 192
 _PLACES = tuple(
@@ -60,7 +60,7 @@ def is_same_function(left: Tree, right: Tree, signs: Mapping[str, int]) -> bool:
     names = {node.name for tree in (left, right) for node in post_order(tree) if isinstance(node, Symbol)}
     variables = sorted(names & set(signs))
     parameters = sorted(names - set(signs) - {PI})
-    if not set(variables) <= set(VARIABLES) and len(variables) > MAX_FREE:
+    if not set(variables) <= set(VARIABLES) and len(variables) > MAX_FREE_VARIABLES:
         return False
     try:
         whole = [compile_tape(tree, (*variables, *parameters)) for tree in (left, right)]

@@ -47,12 +47,12 @@ def rational_relation(numbers: Callable[[], list[arb]], count: int, bits: int) -
 
 MAX_FIELD_DEGREE = 24
 """Degree of K over Q up to which numbers are looked for in it."""
-MAX_LATTICE = 32
+MAX_LATTICE_NUMBERS = 32
 """Numbers in one lattice reduction."""
 BITS_PER_NUMBER = 28
 """Bits of the values per number of a lattice: room for coefficients of about that size."""
-WORK_OF_REDUCTION = 8
-MAX_ORDER = 120
+PRODUCTS_OF_REDUCTION = 8
+MAX_COSINE_ORDER = 120
 """Largest N of 2 cos(2π/N): beyond it, cosines of multiples of π are generators of their own."""
 
 Monomial = tuple[tuple[int, int], ...]
@@ -228,9 +228,9 @@ class AlgebraicNumbers:
         return None if found is None else self._combination(found, basis)
 
     def _integer_relation(self, numbers: Callable[[], list[arb]], count: int, bits: int) -> list[fmpq] | None:
-        if count + 1 > MAX_LATTICE:
+        if count + 1 > MAX_LATTICE_NUMBERS:
             return None
-        self._ring.work.spend(WORK_OF_REDUCTION * (count + 1) ** 3)
+        self._ring.work.spend(PRODUCTS_OF_REDUCTION * (count + 1) ** 3)
         return rational_relation(numbers, count, bits)
 
     def _combination(self, coefficients: list[fmpq], basis: list[dict[int, int]]) -> Element:

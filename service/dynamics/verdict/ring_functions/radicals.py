@@ -42,7 +42,7 @@ from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.exact_ring.signs import Signs, conjugates
 from service.dynamics.verdict.ring_functions.algebraic_numbers import AlgebraicNumbers
 
-MAX_DEPTH = 4
+MAX_NESTED_ROOTS = 4
 """Roots within roots."""
 MAX_TERMS = 40
 """Terms of a polynomial whose root is looked for."""
@@ -68,7 +68,7 @@ class Denesting:
 
     def root(self, piece: fmpq_mpoly, prime: int) -> Element | None:
         """Return the positive root of a polynomial, positive wherever the formula has a value, or None."""
-        if len(piece) > MAX_TERMS or self._depth >= MAX_DEPTH:
+        if len(piece) > MAX_TERMS or self._depth >= MAX_NESTED_ROOTS:
             return None
         self._depth += 1
         try:
@@ -234,7 +234,7 @@ def _square_root(number: Fraction) -> Fraction | None:
     return root if root * root == number else None
 
 
-MAX_DENESTED = 1000
+MAX_DENESTED_DEGREE = 1000
 """Roots of a higher degree are not looked for among the elements of the ring."""
 
 
@@ -275,7 +275,7 @@ class Radicals:
         result = self.power_of_number(parts.coefficient, exponent)
         if number is None:
             return result
-        if exponent.denominator < MAX_DENESTED:
+        if exponent.denominator < MAX_DENESTED_DEGREE:
             for prime, _ in fmpz(exponent.denominator).factor():
                 found = self.root_of_number(number, int(prime))
                 if found is not None:
@@ -343,7 +343,7 @@ class Radicals:
         key = f"root:{base.text}"
         if not of_square and self._ring.find(key) is None:
             for prime, _ in (
-                fmpz(exponent.denominator).factor() if exponent.denominator < MAX_DENESTED else ()
+                fmpz(exponent.denominator).factor() if exponent.denominator < MAX_DENESTED_DEGREE else ()
             ):
                 found = self._denesting.root(piece, int(prime))
                 if found is not None:

@@ -15,7 +15,7 @@ from service.dynamics.verdict.ring_functions.algebraic_numbers import AlgebraicN
 from service.dynamics.verdict.ring_functions.radicals import Radicals
 from service.dynamics.verdict.ring_functions.transcendental import Transcendental, Trigonometry
 
-MAX_EXPANDED = 24
+MAX_EXPANDED_TERMS = 24
 """Powers of sums with up to this many terms are expanded; higher ones are kept as powers of their base."""
 
 
@@ -143,7 +143,7 @@ class RingAlgebra:
         """Return base^exponent, exponent ≥ 0: expanded if that is short, else as a power of generators."""
         ring = self._ring
         terms = len(base.numerator)
-        if exponent < 2 or terms < 2 or _terms_of_power(terms, exponent) <= MAX_EXPANDED:
+        if exponent < 2 or terms < 2 or _terms_of_power(terms, exponent) <= MAX_EXPANDED_TERMS:
             result = ring.integer_power(base, exponent)
         else:
             # Of what the base itself is a power of, before it was expanded.
@@ -179,14 +179,14 @@ def _terms_of_power(terms: int, exponent: int) -> int:
     count = 1
     for k in range(1, terms):
         count = count * (exponent + k) // k
-        if count > MAX_EXPANDED:
+        if count > MAX_EXPANDED_TERMS:
             break
     return count
 
 
 T = TypeVar("T")
 
-MAX_RESTARTS = 60
+MAX_LARGER_RINGS = 60
 """Larger rings that are tried before the proof is abandoned."""
 
 
@@ -215,7 +215,7 @@ def in_large_enough_ring(
     NoProofError
         The ring keeps growing; and what ``compute`` raises.
     """
-    for _ in range(MAX_RESTARTS):
+    for _ in range(MAX_LARGER_RINGS):
         ring = Ring(layout, signs, work)
         try:
             return ring, compute(ring, RingAlgebra(ring, keeps_kinks=keeps_kinks))

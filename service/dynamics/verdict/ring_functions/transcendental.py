@@ -25,12 +25,12 @@ from service.dynamics.verdict.exact_ring.generators import (
 from service.dynamics.verdict.exact_ring.layout import LayoutTooSmallError, NoProofError
 from service.dynamics.verdict.exact_ring.products import Splitting, prime_powers
 from service.dynamics.verdict.exact_ring.ring import Ring
-from service.dynamics.verdict.ring_functions.algebraic_numbers import MAX_ORDER, AlgebraicNumbers
+from service.dynamics.verdict.ring_functions.algebraic_numbers import MAX_COSINE_ORDER, AlgebraicNumbers
 from service.dynamics.verdict.ring_functions.radicals import Radicals
 
-MAX_BASIS = 12
+MAX_BASIS_ARGUMENTS = 12
 """Arguments in one basis; with more of them formulas get too many generators anyway."""
-MAX_INTEGER = 12
+MAX_INTEGER_FACTOR = 12
 """An integer in front of an argument up to this one is taken off: sin(3 x) and sin(2 x) share x."""
 MAX_ARGUMENT_TERMS = 300
 """Most terms of an argument that is compared with others; a longer one is a basis element by itself."""
@@ -73,10 +73,10 @@ class ArgumentBasis:
                 of = weighted_sum(((Fraction(1), of), (factor, row.of)))
         if not vector:
             return of
-        if len(self.elements) == MAX_BASIS:
+        if len(self.elements) == MAX_BASIS_ARGUMENTS:
             return None
         number, leading = len(self.elements), as_fraction(argument.numerator.leading_coefficient())
-        if leading.denominator != 1 or abs(leading) > MAX_INTEGER:
+        if leading.denominator != 1 or abs(leading) > MAX_INTEGER_FACTOR:
             leading = Fraction(1)
         self.elements.append(Element(argument.numerator / int(leading), argument.shift))
         pivot = next(iter(vector))
@@ -96,7 +96,7 @@ def as_vector(element: Element) -> Vector:
     return vector
 
 
-MAX_MULTIPLE = 40
+MAX_MULTIPLE_ANGLE = 40
 """sin(k x) is written in sin(x) and cos(x) up to this k; beyond it, sin(k x) is a generator."""
 MAX_BASES = 4
 """Arguments too high multiples of one another are put into different bases, unrelated."""
@@ -147,7 +147,7 @@ class Trigonometry:
         keys = {k: f"angle:{basis.elements[k].text}" for k in coordinates}
         for k, coefficient in coordinates.items():
             degree = lcm(layout.degree(keys[k]), coefficient.denominator)
-            if abs(coefficient) * degree > MAX_MULTIPLE:
+            if abs(coefficient) * degree > MAX_MULTIPLE_ANGLE:
                 return None
             if degree != layout.degree(keys[k]):
                 raise LayoutTooSmallError(layout.with_degree(keys[k], coefficient.denominator))
@@ -187,7 +187,7 @@ class Trigonometry:
             exponents = tuple(int(e) + s for e, s in zip(term, argument.shift, strict=True))
             if exponents == tuple(int(e) for e in pi.numerator.monomial(0)):
                 r = as_fraction(coefficient)
-                if lcm(4, 2 * r.denominator) > MAX_ORDER:
+                if lcm(4, 2 * r.denominator) > MAX_COSINE_ORDER:
                     break
                 return r, ring.normal(ring.add(argument, ring.multiply(ring.constant(-r), pi)))
         return Fraction(0), argument
@@ -196,10 +196,10 @@ class Trigonometry:
         """Return cos(π r) and sin(π r)."""
         ring, key = self._ring, "half turn"
         degree = lcm(ring.layout.degree(key), r.denominator)
-        if degree != ring.layout.degree(key) and lcm(4, 2 * degree) <= MAX_ORDER:
+        if degree != ring.layout.degree(key) and lcm(4, 2 * degree) <= MAX_COSINE_ORDER:
             raise LayoutTooSmallError(ring.layout.with_degree(key, r.denominator))
         order = lcm(4, 2 * r.denominator)
-        if lcm(4, 2 * degree) <= MAX_ORDER and r.denominator > 2:
+        if lcm(4, 2 * degree) <= MAX_COSINE_ORDER and r.denominator > 2:
             order = lcm(4, 2 * degree)
         turns = int(r / 2 * order)
         return self._cosine_of_turns(turns, order), self._cosine_of_turns(order // 4 - turns, order)

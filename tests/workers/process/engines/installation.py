@@ -8,7 +8,7 @@ from sqlalchemy import text
 
 from service.local.wakeup import WakeUpSocket
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from service.storage.jobs.queue import announce
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
@@ -25,7 +25,7 @@ class Installation:
         self.folder = folder
         self.url = url
         self.database = Database(url, announces_jobs=engine == "postgres")
-        self.jobs = SqlJobStore(self.database)
+        self.jobs = JobStore(self.database)
         self.solutions = SolutionStore(self.database)
         self.sweeps = SweepStore(self.database)
         self.wake_up = WakeUpSocket()

@@ -6,7 +6,7 @@ import pytest
 
 from service.jobs.records import AttemptOutcome, JobState
 from service.storage.database.database import Database
-from service.storage.jobs.job_store import SqlJobStore
+from service.storage.jobs.job_store import JobStore
 from tests.support.waiting import is_alive, wait_until
 from tests.workers.processes import network_apart
 
@@ -69,7 +69,7 @@ def test_a_job_that_is_announced_five_times_is_run_once(installation, jobs, subm
 
 def test_a_job_that_nobody_announced_is_found_by_polling(installation, jobs):
     database = Database(installation.url)
-    job = SqlJobStore(database).submit({}, "not announced")
+    job = JobStore(database).submit({}, "not announced")
     database.close()
     assert (finished(jobs, job).state, jobs.get(job.id).attempt) == (JobState.SUCCEEDED, 1)
 

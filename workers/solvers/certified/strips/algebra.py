@@ -12,13 +12,14 @@ from math import exp, factorial, frexp
 import numpy as np
 
 from service.dynamics.formula.algebras.real import nearest_double
-from workers.solvers.certified.strips.series import ULP, FloatArray, Series, SeriesRing
+from service.dynamics.solution.dense_output import EPSILON
+from workers.solvers.certified.strips.series import FloatArray, Series, SeriesRing
 
-LARGEST_RESIDUAL = 0.5
-LARGEST_ROOT = 64
+MAX_RESIDUAL_NORM = 0.5
+MAX_ROOT_ORDER = 64
 """Denominators of powers up to this are roots; others go by the logarithm."""
 TAYLOR_DEGREE = 20
-LARGEST_NORM = 500.0
+MAX_EXPONENT_NORM = 500.0
 """Largest norm of an argument of exp."""
 
 
@@ -45,7 +46,7 @@ class Strip(SeriesRing):
         whole, denominator = -(-exponent.numerator // exponent.denominator), exponent.denominator
         if denominator == 1:
             return self._integer_power(base, whole)
-        if denominator > LARGEST_ROOT:
+        if denominator > MAX_ROOT_ORDER:
             return self.call("exp", self.scaled(self.call("log", base), nearest_double(exponent)))
         root = self._root(base, int((whole - exponent) * denominator), denominator)
         return root * self._integer_power(base, whole) if whole else root
@@ -87,13 +88,13 @@ class Strip(SeriesRing):
         if not 2.0 * rest < size:
             return self.unknown
         # 1/(x + e) − 1/x = −e/(x (x + e)).
-        return self.series(1.0 / value, 2.0 * rest / size / size + 4.0 * ULP / size)
+        return self.series(1.0 / value, 2.0 * rest / size / size + 4.0 * EPSILON / size)
 
     def _improved(self, guess: Series, product: Series, order: int) -> Series:
         """Return guess · product^(−1/order), where product is next to 1, by the binomial series."""
         residual = self.constant(Fraction(1)) - product
         r = residual.norm
-        if not r <= LARGEST_RESIDUAL:
+        if not r <= MAX_RESIDUAL_NORM:
             return self.unknown
         # (1 − r)^(−1/order) has positive coefficients: the rest is less than what follows r²/order.
         factor = self.constant(Fraction(1)) + self.scaled(residual, 1.0 / order)
@@ -125,7 +126,7 @@ class Strip(SeriesRing):
         if not operand.is_known:
             return 0
         coefficients = operand.coefficients.real
-        doubt = 2.0 * (operand.rest + len(coefficients) * ULP * float(np.abs(coefficients).sum()))
+        doubt = 2.0 * (operand.rest + len(coefficients) * EPSILON * float(np.abs(coefficients).sum()))
         value = float(coefficients.sum())
         if not abs(value) > doubt:
             odd = len(coefficients) // 2 + 1
@@ -144,7 +145,7 @@ class Strip(SeriesRing):
         """Return exp, by the Taylor polynomial of a part of the argument and squarings."""
         reach = len(operand.coefficients) // 2
         mean = complex(operand.coefficients[reach])
-        if not (operand.norm < LARGEST_NORM):
+        if not (operand.norm < MAX_EXPONENT_NORM):
             return self.unknown
         moving = operand.coefficients.copy()
         moving[reach] -= moving[reach].real
@@ -167,7 +168,7 @@ class Strip(SeriesRing):
         residual = self.constant(Fraction(1)) - operand * self._exp(self.negate(guess))
         r = residual.norm
         # The exponential of a real function is positive: so is the operand.
-        if not r <= LARGEST_RESIDUAL:
+        if not r <= MAX_RESIDUAL_NORM:
             return self.unknown
         return self.widened(guess - residual, r * r)
 
@@ -178,7 +179,7 @@ class Strip(SeriesRing):
             return self.unknown, self.unknown
         turned = turning.coefficients.astype(np.complex128)
         reflected = turned[::-1].conj()
-        rest = turning.rest + 4.0 * ULP * turning.norm
+        rest = turning.rest + 4.0 * EPSILON * turning.norm
         both = -0.5j * (turned - reflected), 0.5 * (turned + reflected)
         sine, cosine = (self.series(self._own(each), rest) for each in both)
         return sine, cosine

@@ -25,21 +25,18 @@ from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
-from service.dynamics.reduction.geometry.point import (
-    CurvePlace,
-    LoopNumbers,
-    gamma_of,
-)
+from service.dynamics.reduction.geometry.point import CurvePlace, LoopNumbers, gamma_of, steepness_of
+from service.dynamics.solution.dense_output import EPSILON
 from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 from workers.solvers.certified.strips.algebra import Strip
-from workers.solvers.certified.strips.series import INFLATED, LEAST_REACH, ULP, Series
+from workers.solvers.certified.strips.series import MIN_WEIGHTED_DEGREE, NORM_ROUND_UP, Series
 from workers.solvers.complex_plane.complex_loop import ComplexLoop
 
 FloatArray = NDArray[np.float64]
 
-POWERS = LEAST_REACH
+POWERS = MIN_WEIGHTED_DEGREE
 """Highest power of X in the series of sine and cosine."""
-LARGEST_TERMS = 64
+MAX_ALPHA_NUMERATOR = 64
 """α = m/n with larger m or n is left to others."""
 
 
@@ -65,7 +62,7 @@ def _of_libration(phase: LibrationPhase, strip: Strip) -> float:
     sine, cosine = map(strip.ball, middle.sin_cos())
     found = _Curve(phase.curve, strip, sine * cosine_X - cosine * sine_X, cosine * cosine_X + sine * sine_X)
     # The true q is that of d, but for a factor.
-    return found.bound_of_rate(_without_turns(found.N(), d)) * float((half / d).upper()) * INFLATED
+    return found.bound_of_rate(_without_turns(found.N(), d)) * float((half / d).upper()) * NORM_ROUND_UP
 
 
 class _Curve:
@@ -80,7 +77,7 @@ class _Curve:
         self._numbers = LoopNumbers(first, Z, others[0], others[1], others[2], others[3], loop.mirrored)
         m, n = loop.alpha.as_integer_ratio()
         size = sine if curve.side >= 0 else strip.negate(sine)
-        root = strip.power(size, Fraction(1, n)) if max(m, n) <= LARGEST_TERMS else strip.unknown
+        root = strip.power(size, Fraction(1, n)) if max(m, n) <= MAX_ALPHA_NUMERATOR else strip.unknown
         power = strip.power(root, Fraction(m - n))
         quotient = strip.geometric(root * root, m)
         if n > 1:
@@ -105,19 +102,18 @@ class _Curve:
         loop, strip = self._curve.loop, self._strip
         A, C = ball(loop.A), ball(loop.C)
         # P = 2 C K / (A E).
-        steepness = strip.ball(A * (loop.G / loop.Z) ** 2)
-        E = self._numbers.C + steepness * self._at.power * self._at.power
+        E = steepness_of(self._numbers, strip.ball(loop.G / loop.Z) * self._at.power)
         rate = E * strip.rsqrt(E * self._c_squared * K)
-        return float((loop.Z * (A / (2 * C)).sqrt()).upper()) * rate.norm * INFLATED
+        return float((loop.Z * (A / (2 * C)).sqrt()).upper()) * rate.norm * NORM_ROUND_UP
 
 
 def _circular(strip: Strip, d: float, off: float) -> tuple[Series, Series]:
     """Return cos X and sin X, X = (d ± off) cos θ."""
-    x = (d + off) * cosh(strip.height) * INFLATED
+    x = (d + off) * cosh(strip.height) * NORM_ROUND_UP
     if not x < POWERS / 2:
         return strip.unknown, strip.unknown
     left_out = 2.0 * x ** (POWERS + 1) / factorial(POWERS + 1)
-    rest = (left_out + (4.0 * POWERS * ULP + 2.0 * off * cosh(strip.height)) * exp(x)) * INFLATED
+    rest = (left_out + (4.0 * POWERS * EPSILON + 2.0 * off * cosh(strip.height)) * exp(x)) * NORM_ROUND_UP
     powers = (0.5 * d) ** np.arange(POWERS + 1)
     even, odd = (matrix @ powers for matrix in _taylor_coefficients())
     return strip.series(even, rest), strip.series(odd, rest)
@@ -144,7 +140,7 @@ def _without_turns(N: Series, d: float) -> Series:
     guess = strip.series(np.concatenate((half[:0:-1], half)), 0.0)
     square = strip.scaled(strip.series(np.array([-0.25, 0.0, 0.5, 0.0, -0.25]), 0.0), d * d)
     residual = (N - square * guess).norm
-    return strip.widened(guess, residual / (d * sinh(strip.height)) ** 2 * INFLATED)
+    return strip.widened(guess, residual / (d * sinh(strip.height)) ** 2 * NORM_ROUND_UP)
 
 
 def _tails(values: FloatArray) -> FloatArray:

@@ -21,20 +21,20 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.real import nearest_double
+from service.dynamics.solution.dense_output import EPSILON
 
 FloatArray = NDArray[np.float64]
 Coefficients = FloatArray | NDArray[np.complex128]
 
-ULP = 2.0**-52
-INFLATED = 1.0 + 2.0**-38
+NORM_ROUND_UP = 1.0 + 2.0**-38
 """Covers the roundings of a norm: sums of up to 2^12 terms, weights of up to 4000 ulp."""
-TINY = 1e-200
+UNDERFLOW = 1e-200
 """More than all underflows of a product, weights being below 1e90."""
-HIGHEST_WEIGHT = 200.0
+MAX_LOG_WEIGHT = 200.0
 """Logarithm of the largest weight."""
-LEAST_REACH = 80
+MIN_WEIGHTED_DEGREE = 80
 """Weights go so far at least."""
-NOISE = 2.0**-51
+NOISE_RELATIVE_SIZE = 2.0**-51
 """Coefficients of a guess below this, of the largest, are not believed."""
 
 
@@ -73,11 +73,11 @@ class SeriesRing:
     """Sums and products on |Im θ| ≤ height, by polynomials up to ``degree``."""
 
     def __init__(self, height: float, degree: int, *, is_even: bool) -> None:
-        if height * 2 * degree > HIGHEST_WEIGHT:
-            degree = int(HIGHEST_WEIGHT / (2.0 * height))
+        if height * 2 * degree > MAX_LOG_WEIGHT:
+            degree = int(MAX_LOG_WEIGHT / (2.0 * height))
         self.height, self.degree, self.is_even = height, degree, is_even
         self._nodes = 1 << (2 * degree).bit_length()
-        self._middle = max(2 * degree, LEAST_REACH)
+        self._middle = max(2 * degree, MIN_WEIGHTED_DEGREE)
         self._weights = np.exp(height * np.abs(np.arange(-self._middle, self._middle + 1)))
         self._known_weights: dict[int, NDArray[np.float64]] = {}
         self.unknown = Series(self, np.zeros(1), inf, inf)
@@ -89,9 +89,9 @@ class SeriesRing:
             outer, weights = np.abs(coefficients), self._weights_of(len(coefficients))
             rest += float(outer[:cut].dot(weights[:cut])) + float(outer[-cut:].dot(weights[-cut:]))
             coefficients = coefficients[cut:-cut]
-        rest = rest * INFLATED + TINY
+        rest = rest * NORM_ROUND_UP + UNDERFLOW
         size = float(np.abs(coefficients).dot(self._weights_of(len(coefficients))))
-        norm = (size + rest) * INFLATED
+        norm = (size + rest) * NORM_ROUND_UP
         return Series(self, coefficients, rest, norm) if norm < inf else self.unknown
 
     def ball(self, value: arb) -> Series:
@@ -102,11 +102,11 @@ class SeriesRing:
     def constant(self, value: Fraction) -> Series:
         """Return an exact number."""
         nearest = nearest_double(value)
-        return self._number(nearest, ULP * abs(nearest))
+        return self._number(nearest, EPSILON * abs(nearest))
 
     def pi(self) -> Series:
         """Return π."""
-        return self._number(pi, ULP * pi)
+        return self._number(pi, EPSILON * pi)
 
     def add(self, left: Series, right: Series) -> Series:
         """Return left + right."""
@@ -131,17 +131,18 @@ class SeriesRing:
             product = np.correlate(a, b[::-1], "full")
         else:
             product = np.convolve(a, b)
-        rounding = (2.0 * terms + 8.0) * ULP * left.norm * right.norm
+        rounding = (2.0 * terms + 8.0) * EPSILON * left.norm * right.norm
         rest = left.norm * right.rest + left.rest * right.norm + rounding
         norm = left.norm * right.norm
         if len(product) > 2 * self.degree + 1 or not norm < inf:
             return self.series(product, rest)
-        return Series(self, product, rest * INFLATED + TINY, norm * INFLATED + TINY)
+        return Series(self, product, rest * NORM_ROUND_UP + UNDERFLOW, norm * NORM_ROUND_UP + UNDERFLOW)
 
     def scaled(self, operand: Series, factor: float) -> Series:
         """Return factor · operand, the factor being a few ulp off."""
         size = abs(factor)
-        return self.series(operand.coefficients * factor, size * (operand.rest + 4.0 * ULP * operand.norm))
+        rest = size * (operand.rest + 4.0 * EPSILON * operand.norm)
+        return self.series(operand.coefficients * factor, rest)
 
     def widened(self, operand: Series, rest: float) -> Series:
         """Return the series with a larger rest."""
@@ -167,7 +168,7 @@ class SeriesRing:
         """Return the polynomial without the noise of rounding at its ends, which has large weights."""
         sizes = np.abs(coefficients)
         reach = len(sizes) // 2
-        heard = np.flatnonzero(sizes[reach:] > NOISE * sizes.max())
+        heard = np.flatnonzero(sizes[reach:] > NOISE_RELATIVE_SIZE * sizes.max())
         cut = reach - int(heard[-1]) if len(heard) else 0
         return self.series(coefficients[cut : len(sizes) - cut], 0.0)
 
@@ -185,8 +186,8 @@ class SeriesRing:
         return found
 
     def _number(self, value: float, off: float) -> Series:
-        rest = off * INFLATED + TINY
-        norm = (abs(value) + rest) * INFLATED
+        rest = off * NORM_ROUND_UP + UNDERFLOW
+        norm = (abs(value) + rest) * NORM_ROUND_UP
         return Series(self, np.array([value]), rest, norm) if norm < inf else self.unknown
 
     def _sum(self, left: Series, right: Coefficients, of: Series) -> Series:
@@ -198,4 +199,4 @@ class SeriesRing:
         total = longer.copy() if longer.dtype == shorter.dtype else longer.astype(np.complex128)
         offset = (len(longer) - len(shorter)) >> 1
         total[offset : len(longer) - offset] += shorter
-        return self.series(total, left.rest + of.rest + ULP * (left.norm + of.norm))
+        return self.series(total, left.rest + of.rest + EPSILON * (left.norm + of.norm))

@@ -6,10 +6,12 @@ derivative of the flow; Q is then chosen anew, so that the longest side of the i
 errors are proportional to 2^−precision, and the precision is raised until what is asked for is reached.
 """
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 
 import numpy as np
 from flint import arb, ctx
@@ -21,9 +23,9 @@ from workers.solvers.certified.certify import ALLOWED_BITS, HIGHEST_PRECISION, i
 from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.certified.validated.curves import StepTooLongError
 from workers.solvers.certified.validated.step import (
-    ROUNDING,
-    TINY,
-    UPWARDS,
+    ROUND_UP,
+    SUM_ROUNDING,
+    UNDERFLOW,
     ProvenStep,
     prove,
     rounded_length,
@@ -42,12 +44,12 @@ GUARD_BITS = 24
 """Bits by which errors may grow along the motion at the first try."""
 ORDER_PER_BIT = 0.4
 """Order of the polynomials: a larger one makes steps longer and each of them dearer. Measured."""
-LEAST_ORDER = 16
+MIN_ORDER = 16
 TIME_BITS = 96
 """Bits of the rational next to a time in a ball; so many more than those of what is asked there."""
-BOX = 2.0**-20
+BOX_SIDE = 2.0**-20
 """Half a side of the box about a state, which the motion does not leave in the ball of a time."""
-SHORTEST = Fraction(1, 2**34)
+MIN_STEP_SHARE = Fraction(1, 2**34)
 """Steps that would have to be shorter than this part of the whole time are met at a singularity."""
 
 
@@ -69,7 +71,7 @@ class ProvenSet:
     @property
     def radius(self) -> FloatArray:
         """Radii of the variables, in units of 2^−precision."""
-        return UPWARDS * (np.abs(self.frame) @ self.box)
+        return ROUND_UP * (np.abs(self.frame) @ self.box)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +102,7 @@ class ProvenTrajectory:
         step, start = stretch.step, stretch.start
         place = float((t - step.begin) / step.length)
         radius = step.error + self._moved(stretch, place, start.frame, start.box)
-        return self._about(step, ball((t - step.begin) / step.length), UPWARDS * radius)
+        return self._about(step, ball((t - step.begin) / step.length), ROUND_UP * radius)
 
     def over(self, first: Fraction, last: Fraction) -> tuple[arb, ...]:
         """Return balls that contain the variables at all times from ``first`` to ``last``."""
@@ -126,7 +128,23 @@ class ProvenTrajectory:
         place = float((t - step.begin) / step.length)
         matrix = _at(step.flow, place)
         lost = self._moved(stretch, place, start.frame, start.flow_box) + _lost(step, start.flow)
-        return matrix @ start.flow, UPWARDS * lost
+        return matrix @ start.flow, ROUND_UP * lost
+
+    def flow_along(self, stretch: ProvenStretch) -> tuple[FloatArray, FloatArray]:
+        """Return matrices whose convex hull has what :meth:`flow` is in a stretch, but for a bound."""
+        step, start = stretch.step, stretch.start
+        whole, sizes = _lost(step, start.frame), np.abs(step.flow).sum(axis=0)
+        lost = (sizes @ np.abs(start.frame) + whole) @ start.flow_box + _lost(step, start.flow)
+        return _corners(step.flow) @ start.flow, ROUND_UP * lost
+
+    def along(self, stretch: ProvenStretch) -> tuple[FloatArray, FloatArray]:
+        """Return states, shape (n, d), whose convex hull has those of a stretch, but for a bound of each."""
+        step = stretch.step
+        longest = max(len(curve) for curve in step.curves)
+        rows = [[float(curve[power]) for curve in step.curves] for power in range(longest)]
+        coefficients = np.array(rows)
+        sizes = np.abs(coefficients).sum(axis=0)
+        return _corners(coefficients), ROUND_UP * (2.0**-self.precision * step.spread + SUM_ROUNDING * sizes)
 
     def _moved(self, stretch: ProvenStretch, place: float, frame: FloatArray, box: FloatArray) -> FloatArray:
         step = stretch.step
@@ -236,9 +254,9 @@ def box_until(recorded: Recorded, state: Sequence[arb], late: arb) -> list[arb]:
     CertifiedUnavailableError
         It may leave it.
     """
-    box = [value + arb(0, BOX) for value in state]
+    box = [value + arb(0, BOX_SIDE) for value in state]
     rates = recorded.right_side.run(BallAlgebra(), box).values()
-    if not all(abs(rate) * late < BOX / 2 for rate in rates):
+    if not all(abs(rate) * late < BOX_SIDE / 2 for rate in rates):
         raise CertifiedUnavailableError("a time is not known well enough to tell where it is then")
     return box
 
@@ -256,7 +274,7 @@ def _until(t: Fraction) -> str:
 def _trajectory(
     system: Recorded, start: Start, end: Fraction, bits: int, watch: Watch | None, shorter: int
 ) -> ProvenTrajectory:
-    count, order = system.dimension, max(LEAST_ORDER, round(ORDER_PER_BIT * ctx.prec))
+    count, order = system.dimension, max(MIN_ORDER, round(ORDER_PER_BIT * ctx.prec))
     # A sum is rounded to the precision in force, whatever that of the start is.
     balls = [value + 0 for value in start()]
     if not all(is_narrow(value, bits) for value in balls):
@@ -301,7 +319,7 @@ def _step(
         left = abs(end - t)
         longest = found.longest / shorter
         length = min(longest, left) if left else Fraction(1, 2**64)
-        shortest = SHORTEST * abs(end)
+        shortest = MIN_STEP_SHARE * abs(end)
         radius = here.radius
         while length > shortest:
             try:
@@ -323,14 +341,26 @@ def _at(polynomial: FloatArray, place: float) -> FloatArray:
     return np.asarray(value)
 
 
+def _corners(polynomial: FloatArray) -> FloatArray:
+    """Return the coefficients in Bernstein's polynomials of [0, 1]: values are in their convex hull."""
+    return np.tensordot(_bernstein(len(polynomial) - 1), polynomial, 1)
+
+
+@cache
+def _bernstein(last: int) -> FloatArray:
+    """Return the matrix that takes coefficients of powers to those of Bernstein's polynomials."""
+    weights = [[math.comb(i, j) / math.comb(last, j) for j in range(last + 1)] for i in range(last + 1)]
+    return np.array(weights)
+
+
 def _image(step: ProvenStep, matrix: FloatArray, frame: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return M Q and a bound of its errors; those of the evaluation of M are among them."""
-    return matrix @ frame, UPWARDS * _lost(step, frame)
+    return matrix @ frame, ROUND_UP * _lost(step, frame)
 
 
 def _lost(step: ProvenStep, factor: FloatArray) -> FloatArray:
     """Return a bound of the errors of M X but for its own roundings; M is evaluated anywhere in the step."""
-    lost: FloatArray = (step.flow_error + ROUNDING * np.abs(step.flow).sum(axis=0)) @ np.abs(factor)
+    lost: FloatArray = (step.flow_error + SUM_ROUNDING * np.abs(step.flow).sum(axis=0)) @ np.abs(factor)
     return lost
 
 
@@ -344,7 +374,7 @@ def _carried(step: ProvenStep, here: ProvenSet) -> ProvenSet:
     image, lost = _image(step, matrix, here.frame)
     frame = _frame(image * here.box)
     turned = frame.T @ image
-    through = np.abs(turned) + np.abs(frame.T) @ (lost + ROUNDING * np.abs(image))
+    through = np.abs(turned) + np.abs(frame.T) @ (lost + SUM_ROUNDING * np.abs(image))
     flow = matrix @ here.flow
     box = _solved(frame, through @ here.box + np.abs(frame.T) @ added)
     flow_box = _solved(frame, through @ here.flow_box + np.abs(frame.T) @ _lost(step, here.flow))
@@ -357,7 +387,7 @@ def _frame(sides: FloatArray) -> FloatArray:
     if not np.all(np.isfinite(lengths)):
         raise StepTooLongError("the set is too wide")
     order = np.argsort(-lengths)
-    scale = max(float(lengths.max()), TINY)
+    scale = max(float(lengths.max()), UNDERFLOW)
     return np.asarray(np.linalg.qr(sides[:, order] / scale)[0])
 
 
@@ -365,4 +395,4 @@ def _solved(frame: FloatArray, bound: FloatArray) -> FloatArray:
     """Return a bound of Q⁻¹x, given one of Qᵀx: Q⁻¹ = (QᵀQ)⁻¹Qᵀ, and |QᵀQ − 1| is below 2^−40 in rows."""
     if not np.abs(frame.T @ frame - np.eye(len(frame))).sum(axis=1).max() < 2.0**-42:
         raise StepTooLongError("a frame is not orthogonal")
-    return np.asarray(UPWARDS * (bound + 2.0**-40 * bound.max(axis=0)))
+    return np.asarray(ROUND_UP * (bound + 2.0**-40 * bound.max(axis=0)))

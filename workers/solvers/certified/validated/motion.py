@@ -33,16 +33,16 @@ from workers.solvers.certified.validated.enclose import (
     Watch,
     enclose,
 )
-from workers.solvers.certified.validated.step import UPWARDS, upper
+from workers.solvers.certified.validated.step import ROUND_UP, upper
 from workers.solvers.certified.validated.system import EulerPoisson, TurningBody
 
 FloatArray = NDArray[np.float64]
 
-KEPT = 2.0**-56
+NEGLIGIBLE_RELATIVE_TERM = 2.0**-56
 """Terms of the function of time that are below this part of the largest one are left out."""
 AXES = {"psi1": 0, "psi3": 2}
 """The axis of the body that each azimuth belongs to."""
-EVALUATION = 8
+EVALUATION_ROUNDINGS = 8
 """Roundings of the latest time that move a place on a piece: those of the piece's ends, and of the place."""
 
 
@@ -158,7 +158,7 @@ def function_of_time(found: Enclosure, columns: tuple[str, ...]) -> DenseOutput:
     breaks = np.array([float(edge) for edge in edges])
     made = [_chebyshev(stretch) for _, stretch in pieces]
     sizes = np.max([np.abs(each.series).max(axis=1) for each in made], axis=0)
-    needed = np.nonzero(sizes > KEPT * sizes.max())[0]
+    needed = np.nonzero(sizes > NEGLIGIBLE_RELATIVE_TERM * sizes.max())[0]
     degree = max(1, int(needed.max()))
     latest = float(np.abs(breaks).max())
     errors = np.max(
@@ -169,7 +169,7 @@ def function_of_time(found: Enclosure, columns: tuple[str, ...]) -> DenseOutput:
         axis=0,
     )
     coefficients = np.array([each.series[: degree + 1] for each in made])
-    by_name = dict(zip(columns, (UPWARDS * errors).tolist(), strict=True))
+    by_name = dict(zip(columns, (ROUND_UP * errors).tolist(), strict=True))
     error = max(by_name[name] for name in COLUMNS)
     return DenseOutput(columns, breaks, coefficients, None, error, by_name)
 
@@ -188,7 +188,7 @@ def _rounding(stretch: ProvenStretch, piece: "_Piece", degree: int, latest: floa
     """
     sizes, numbers = np.abs(piece.series), np.arange(len(piece.series))[:, None]
     late = latest / abs(float(stretch.step.length)) + 1.0
-    moved = EVALUATION * late * (numbers**2 * sizes).sum(axis=0)
+    moved = EVALUATION_ROUNDINGS * late * (numbers**2 * sizes).sum(axis=0)
     evaluated = ((numbers + 1.0) ** 3 * sizes).sum(axis=0)
     made = (len(sizes) + 4.0) * piece.terms
     left_out = sizes[degree + 1 :].sum(axis=0)

@@ -22,13 +22,7 @@ from flint import arb, arb_poly, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.ball import ball
-from workers.solvers.certified.validated.curves import (
-    Curve,
-    StepCurves,
-    StepTooLongError,
-    grow,
-    size,
-)
+from workers.solvers.certified.validated.curves import Curve, StepCurves, StepTooLongError, grow, size
 from workers.solvers.certified.validated.system import Recorded
 
 FloatArray = NDArray[np.float64]
@@ -37,15 +31,15 @@ FLOW_DEGREE = 24
 """Degree in time of the derivative of the flow: it has all digits of doubles where series fall like 4^−k."""
 FLOW_BITS = 64
 """Precision of the Jacobian's curves; they are then cut to doubles."""
-UPWARDS = 1.0 + 2.0**-40
+ROUND_UP = 1.0 + 2.0**-40
 """More than all roundings of the sums of at most 2^10 doubles ≥ 0 and of their products below."""
-ROUNDING = 2.0**-44
+SUM_ROUNDING = 2.0**-44
 """Bound of the rounding errors of sums of at most 2^8 products, relative to the sum of their sizes."""
-STEEPEST = 10.0
+MAX_ROW_SUM = 10.0
 """Steps are so short that no row of hK has a larger sum, in fit units: bounds grow with its exponential."""
-TUBE = 2.0**8
+TUBE_WIDENING = 2.0**8
 """The tube is so many times wider than what enters it."""
-TINY = 1e-300
+UNDERFLOW = 1e-300
 """Added to what may have underflown."""
 
 
@@ -133,14 +127,14 @@ def prove(
     rates = system.right_side.run(StepCurves(order), curves)
     missed = [curve.derivative() - h * rates.get(row, arb_poly()) for row, curve in enumerate(curves)]
     defect = np.array([upper(size(each) / unit) for each in missed])
-    tube = TUBE * (radius + defect) + 1.0
+    tube = TUBE_WIDENING * (radius + defect) + 1.0
     jacobian, rest = _jacobian(system, curves, h, [unit * width for width in tube.tolist()])
-    K = UPWARDS * (np.abs(jacobian).sum(axis=0) + rest)
+    K = ROUND_UP * (np.abs(jacobian).sum(axis=0) + rest)
     exponential, phi = _bounds(K)
-    error = UPWARDS * (phi @ defect)
-    spread = UPWARDS * (exponential @ radius + error)
+    error = ROUND_UP * (phi @ defect)
+    spread = ROUND_UP * (exponential @ radius + error)
     if not np.all(spread < tube):
-        # e^K is above TUBE.
+        # e^K is above TUBE_WIDENING.
         raise StepTooLongError("the motion may leave the tube")
     flow, flow_error = _flow(jacobian, rest, phi)
     return ProvenStep(begin, length, curves, error, flow, flow_error, spread)
@@ -151,7 +145,7 @@ def upper(value: arb) -> float:
     bound = float(arb(value.abs_upper()))
     if not bound < np.inf:
         raise StepTooLongError("a number is not bounded")
-    return bound * UPWARDS + TINY
+    return bound * ROUND_UP + UNDERFLOW
 
 
 def _jacobian(
@@ -169,7 +163,7 @@ def _jacobian(
             terms = (algebra.cut(entry) * h).coeffs()
             coefficients[: len(terms), row, column] = [float(term) for term in terms]
             radii = sum((term.rad() for term in terms), arb(0))
-            rest[row, column] = upper(arb(radii)) + ROUNDING * np.abs(coefficients[:, row, column]).sum()
+            rest[row, column] = upper(arb(radii)) + SUM_ROUNDING * np.abs(coefficients[:, row, column]).sum()
     if not np.isfinite(coefficients).all():
         raise StepTooLongError("the Jacobian is not bounded")
     return coefficients, rest
@@ -184,17 +178,17 @@ def _bounds(K: FloatArray) -> tuple[FloatArray, FloatArray]:
     for _ in range(4):
         power = power @ power
         power = power / power.max()
-    units = np.exp2(np.round(np.log2(power.sum(axis=1).clip(TINY))))
+    units = np.exp2(np.round(np.log2(power.sum(axis=1).clip(UNDERFLOW))))
     scaled = K * units / units[:, None]
-    if not scaled.sum(axis=1).max() <= STEEPEST:
+    if not scaled.sum(axis=1).max() <= MAX_ROW_SUM:
         raise StepTooLongError("neighbours may part too fast")
     term = phi = np.eye(len(K))
-    for k in range(1, 8 * int(STEEPEST)):
+    for k in range(1, 8 * int(MAX_ROW_SUM)):
         term = term @ scaled / k
         phi = phi + term / (k + 1)
     # What is left is below a geometric series of ratio 1/8 from a term whose rows' sums are below 1e-38.
-    phi = UPWARDS * (phi + 1e-30) * units[:, None] / units
-    return UPWARDS * (np.eye(len(K)) + K @ phi), phi
+    phi = ROUND_UP * (phi + 1e-30) * units[:, None] / units
+    return ROUND_UP * (np.eye(len(K)) + K @ phi), phi
 
 
 def _flow(jacobian: FloatArray, rest: FloatArray, phi: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -211,6 +205,6 @@ def _flow(jacobian: FloatArray, rest: FloatArray, phi: FloatArray) -> tuple[Floa
     # Σ_{i ≥ m} |J_i| for m = last, …, 0, which multiply |M_0|, …, |M_last|.
     tails = np.cumsum(slopes[::-1], axis=0)
     defect = np.einsum("kab,kbc->ac", tails, sizes)
-    defect += (rest + ROUNDING * tails[-1]) @ sizes.sum(axis=0)
-    error = phi @ (UPWARDS * defect) + ROUNDING * sizes.sum(axis=0)
-    return flow, UPWARDS * error
+    defect += (rest + SUM_ROUNDING * tails[-1]) @ sizes.sum(axis=0)
+    error = phi @ (ROUND_UP * defect) + SUM_ROUNDING * sizes.sum(axis=0)
+    return flow, ROUND_UP * error
