@@ -67,7 +67,8 @@ def asked(running: Service, hard: Hard) -> Iterator[Asked]:
     verdict = timed(running, "/v1/validations", hard.document)
     checked = Asked(hard, "verdict", verdict[0])
     if verdict[1] != 200:
-        checked.code = verdict[2].get("errors", [verdict[2]])[0].get("code")
+        told = verdict[2]
+        checked.code = told.get("errors", [told])[0].get("code") or str(told["type"]).rpartition(":")[2]
         checked.detail = json.dumps(verdict[2])
     else:
         plan = verdict[2].get("plan") or {}
@@ -107,7 +108,7 @@ def job_of(running: Service, hard: Hard, document: Document, accuracy: Document)
     tier = accuracy.get("tier") or ", ".join(f"{name} {value}" for name, value in accuracy.items())
     row = Asked(hard, str(tier), seconds)
     if status not in (200, 202):
-        row.code = job.get("errors", [job])[0].get("code") or job.get("type")
+        row.code = job.get("errors", [job])[0].get("code") or str(job["type"]).rpartition(":")[2]
         row.detail = json.dumps(job)
     elif job["state"] == "failed":
         row.code, row.detail = job["error"]["code"], json.dumps(job["error"])
