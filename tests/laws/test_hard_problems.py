@@ -4,10 +4,11 @@ import json
 
 import mpmath as mp
 import pytest
-from flint import arb
+from flint import arb, ctx
 
 from service.jobs.records import Solved
 from service.storage.codecs.packing import decode_arrays
+from tests.benchmarks.hard import BITS, claim
 from tests.support.effort import one_in, seldom
 from tests.support.hard_problems import DIGITS, Hard, Q, expression, poles, problem, time_between
 from workers.computation.compute import solve_document
@@ -41,3 +42,13 @@ def test_a_motion_from_the_equator_that_is_not_periodic_is_enclosed(text, of_g2,
         off = time_between(of_g2, mp.mpf(0), height, own=own) - mp.mpf("0.25")
     # g2 moves by more than half a unit in a unit of time.
     assert abs(off) <= 2 * found.summary["error"] < 1e-15
+
+
+def test_the_walk_names_claims_that_are_exceeded():
+    told = {"value": 1.0, "error": 1e-3}
+    assert claim("period", told, arb("1.0009")) == []
+    assert claim("period", told, arb("0.9989")) != []
+    # A radius is one too, and what is not there is a fault.
+    with ctx.workprec(BITS):
+        assert claim("period", {"value": "1", "radius": "1e-30"}, arb("1.00000000000000000001")) != []
+    assert claim("end", {}, arb(1)) == ["end: none"]

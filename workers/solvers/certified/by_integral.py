@@ -261,7 +261,9 @@ def _parts(loop: Loop, side: int, bits: int) -> tuple[Tape, AngularSeries | None
         )
     if bits > MOST_BITS_OF_INTEGRAL:
         raise CertifiedUnavailableError(
-            "it needs more bits than are computed of a potential given by an integral", pointer="/potential"
+            f"it needs {bits} bits, and {MOST_BITS_OF_INTEGRAL} are computed of a potential given by an "
+            'integral; accepted are "bits": 64 and 128',
+            pointer="/accuracy/bits",
         )
     return first.even.tape, AngularSeries(loop, first.angular, bits)
 

@@ -45,7 +45,10 @@ MIN_BOX_SHARE_OF_RADIUS = 0.2
 NEWTON_STEPS = 60
 SHARES = (0.0, 1 / 16, 1 / 4, 1 / 2, 3 / 4, 15 / 16, 1.0)
 """Places of a stretch at which its rate is looked at."""
-NO_BOUND = "no bound of its time as an analytic function was found"
+NO_BOUND = (
+    "no bound of its time as an analytic function was found; accepted are draft, standard and high, which do "
+    "without"
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,7 +55,8 @@ ELLIPSE_RHO = 3.0
 """k, the sum of the half axes of an ellipse about a panel, in halves of it."""
 FIRST_PANEL_LENGTH = 8.0
 """Length of a panel in y, before it is halved."""
-MOST_HALVINGS, MOST_PIECES, MOST_TERMS = 6, 240, 240
+MOST_HALVINGS, MOST_PIECES, MOST_TERMS = 6, 96, 240
+"""Motions that were seen to be answered have 11 to 53 pieces: to make many more would put off a refusal."""
 MAX_OVERESTIMATE_BITS = 40.0
 """Bits by which a bound of V1 may be larger than it is: then smaller discs are cheaper."""
 RADII = (1.7, 1.2, 0.8, 0.55, 0.35, 0.2, 0.1, 0.05)
