@@ -79,6 +79,20 @@ class CrossCheck:
 
 
 @dataclass(frozen=True, slots=True)
+class PlaceError:
+    """Errors of γ of a planar motion, apart from those of p and r, within the breaks of its dense output."""
+
+    late: float = 0.0
+    """Error of the time at which it is at a place of the curve, wherever that is."""
+    ends: int = 2
+    """1 where the place at t = 0 is known to roundings, 2 where it may be late as well."""
+    moved: float = 0.0
+    """Bound of what this error is besides, at some places, times the rate of the fastest variable there."""
+    off: float = 0.0
+    """Error of g1, g2 and g3 besides."""
+
+
+@dataclass(frozen=True, slots=True)
 class Motion:
     """A motion with everything that vouches for it."""
 
@@ -112,6 +126,8 @@ class Motion:
     """The least |t| at which a pole is passed by one of the ``conventions``; None if none is passed so."""
     enclosed_by: EnclosureMethod | None = None
     """How the samples were enclosed that doubles alone did not have to the tolerance; None if they had."""
+    place_error: PlaceError | None = None
+    """Where it is known apart from ``dense.error``."""
     unit: float = 1.0
     """So many times those of g1, g2, g3 are the errors of p, q, r: a power of 2, other than 1 for a motion
     that was solved in units of its own."""

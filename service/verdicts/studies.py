@@ -6,6 +6,7 @@ from functools import partial
 
 from service.dynamics.discovery.integral_search import search_integrals
 from service.dynamics.discovery.judgement import judge_integral, judge_relation
+from service.dynamics.discovery.outcomes import Tell, untold
 from service.dynamics.discovery.potential_search import search_potentials
 from service.dynamics.discovery.setting import LetteredSetting, read_setting
 from service.dynamics.exact import exact_number
@@ -29,19 +30,19 @@ def examine_study(document_json: str) -> str:
     return _answer(document_json, PROCESSOR_SECONDS, SECONDS)
 
 
-def examine_study_of_job(document_json: str) -> str:
-    """Answer the same with the time of a job."""
-    return _answer(document_json, JOB_PROCESSOR_SECONDS, JOB_SECONDS)
+def examine_study_of_job(document_json: str, tell: Tell) -> str:
+    """Answer the same with the time of a job; ``tell`` is told how far it is."""
+    return _answer(document_json, JOB_PROCESSOR_SECONDS, JOB_SECONDS, tell)
 
 
-def _answer(document_json: str, processor: float, clock: float) -> str:
+def _answer(document_json: str, processor: float, clock: float, tell: Tell = untold) -> str:
     document: Part = json.loads(document_json)
     is_late = Deadline(deadline(processor, clock))
     judge = QUESTIONS[document["what"]]
 
     def examine(asked: Part) -> Document:
         try:
-            found = judge(asked, is_late)
+            found = judge(asked, is_late, tell)
         except TimeoutError:
             detail = f"no answer within {processor:g} s of processor time; a smaller degree may have one"
             return {"is_late": True, **refusal("time_limit", detail, "/degree")}
@@ -50,7 +51,7 @@ def _answer(document_json: str, processor: float, clock: float) -> str:
     return json.dumps(answer_or_refusal(document, examine), allow_nan=False)
 
 
-def _judged(document: Part, is_late: Callable[[], bool]) -> Document:
+def _judged(document: Part, is_late: Callable[[], bool], _: Tell) -> Document:
     setting, areas_zero = _setting(document), document.get("areas") is not None
     judge = judge_relation
     if not document.get("relation"):
@@ -58,19 +59,19 @@ def _judged(document: Part, is_late: Callable[[], bool]) -> Document:
     return judge(setting, document["function"], areas_zero=areas_zero, is_late=is_late).to_document()
 
 
-def _integrals(document: Part, is_late: Callable[[], bool]) -> Document:
+def _integrals(document: Part, is_late: Callable[[], bool], tell: Tell) -> Document:
     degree: Part = document["degree"]
     omega, gamma = (int(exact_number(degree[name])) for name in ("omega", "gamma"))
     areas_zero = document.get("areas") is not None
     return search_integrals(
-        _setting(document), omega, gamma, areas_zero=areas_zero, is_late=is_late
+        _setting(document), omega, gamma, areas_zero=areas_zero, is_late=is_late, tell=tell
     ).to_document()
 
 
-def _potentials(document: Part, is_late: Callable[[], bool]) -> Document:
+def _potentials(document: Part, is_late: Callable[[], bool], tell: Tell) -> Document:
     body: Part = document.get("body") or {}
     ratio = exact_number(body["A"]) / exact_number(body["C"]) if body else None
-    return search_potentials(ratio, int(exact_number(document["degree"])), is_late).to_document()
+    return search_potentials(ratio, int(exact_number(document["degree"])), is_late, tell).to_document()
 
 
 def _setting(document: Part) -> LetteredSetting:
@@ -83,6 +84,6 @@ def _setting(document: Part) -> LetteredSetting:
     return read_setting(moments, potential["expression"], parameters)
 
 
-Judge = Callable[[Part, Callable[[], bool]], Document]
+Judge = Callable[[Part, Callable[[], bool], Tell], Document]
 QUESTIONS: Mapping[What, Judge] = {"integral": _judged, "integrals": _integrals, "potentials": _potentials}
 """The kinds of question that are answered here."""

@@ -70,7 +70,8 @@ class Tally:
         for name, ratio in other.smallest.items():
             self.smallest[name] = min(ratio, self.smallest.get(name, inf))
         for name, powers in other.ratios.items():
-            self.ratios[name] += powers
+            # Records of an earlier form know fewer claims.
+            self.ratios[name] = self.ratios.get(name, Counter[str]()) + powers
 
 
 AnyCase = Case | StateCase | MotionCase

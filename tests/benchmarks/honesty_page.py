@@ -30,6 +30,9 @@ contain every value of a function on the interval. It holds unless the program, 
   place where the motion all but comes to rest.
 * **Everything in the tier `certified`** that has a radius, and samples that are rounded enclosures in the
   other tiers (`proven_samples` in the evidence).
+* **Multipliers and trusted times**, where `error_kind` says so. A trusted time is a statement about the
+  equations of variation, the equations of motion to first order: a rounding at the beginning of every period
+  stays below the tolerance until then. It says nothing of what an integrator loses in its steps.
 """
 
 MEASURED = """## What is measured

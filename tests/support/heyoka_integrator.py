@@ -25,11 +25,11 @@ from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import FormulaPotential, NoClosedFormError, Potential
 from workers.solvers.integration.errors import UndefinedStartError, UnsupportedFormulaError
 from workers.solvers.integration.interface import (
-    Moments,
     Rounding,
     Run,
     collapse,
     neighbour_of,
+    rounded_moments,
     stacked,
     step_has_collapsed,
     too_many_steps,
@@ -133,7 +133,7 @@ class HeyokaIntegrator:
     def __init__(self, body: RigidBody, potential: Potential, rounding: Rounding = nearest_double) -> None:
         """Build the right-hand sides; raises MissingMomentError, UnsupportedFormulaError."""
         self._body, self._potential = body, potential
-        self._equations = _equations(Moments.of(body, rounding), potential, rounding)
+        self._equations = _equations(rounded_moments(body, rounding), potential, rounding)
         self._steppers: dict[float, Any] = {}  # heyoka's integrators by their tolerance; it has no types
         self._neighbour: HeyokaIntegrator | None = None
 
@@ -241,13 +241,13 @@ HEYOKA = _Maker("heyoka")
 
 
 def _equations(
-    moments: Moments, potential: Potential, rounding: Rounding
+    moments: FloatArray, potential: Potential, rounding: Rounding
 ) -> list[tuple[Expression, Expression]]:
     """Return the Euler-Poisson equations, (variable, its derivative) for the six variables."""
     p, q, r, g1, g2, g3 = heyoka.make_vars("p", "q", "r", "g1", "g2", "g3")
     V = _tape(potential).evaluate(HeyokaAlgebra(rounding), (g1, g2, g3))
     V1, V2, V3 = heyoka.diff_tensors([V], [g1, g2, g3]).gradient
-    A, B, C = moments.A, moments.B, moments.C
+    A, B, C, *_ = moments.tolist()
     return [
         (p, ((B - C) * (q * r) + (g2 * V3 - g3 * V2)) / A),
         (q, ((C - A) * (p * r) + (g3 * V1 - g1 * V3)) / B),

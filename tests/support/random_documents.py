@@ -21,6 +21,7 @@ from service.dynamics.reduction.geometry.loop import Loop, make_loop
 from service.dynamics.reduction.window import Window
 from service.dynamics.reduction.windows import REDUCTION_BITS, find_windows
 from service.schemas.problem.problem import read_problem
+from service.schemas.reading.documents import InvalidProblemError
 
 FloatArray = NDArray[np.float64]
 Document = dict[str, Any]
@@ -53,7 +54,7 @@ def draw_problem(family: Family, draws: np.random.Generator) -> Drawn:
         document = _MAKERS[family](draws)
         try:
             drawn = _with_start(family, document, draws)
-        except DynamicsError:
+        except (DynamicsError, InvalidProblemError):
             # No term of that index, or beyond the domain of the formula: not a problem to solve.
             continue
         if drawn is not None and (family != "passage" or drawn.window.ends[0] == "pole"):

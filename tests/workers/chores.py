@@ -4,12 +4,13 @@ import json
 import os
 import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from service.jobs.records import ChunkOutcome, JobKind, Refused, Solved, SolveOutcome
-from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
+from service.jobs.records import ChunkOutcome, JobKind, JobResult, Refused, Solved, SolveOutcome
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome, encode_document
 from workers.process.tasks import WorkerTasks
 
 SUMMARY: dict[str, object] = {
@@ -65,5 +66,15 @@ def do_chunk(document: str) -> ChunkOutcome:
     return chunk_outcome(points, sweep["seconds"] * count, SOURCE)
 
 
-CHORES = {JobKind.SOLVE: do_chore, JobKind.CHUNK: do_chunk}
+def do_telling(document: str, tell: Callable[[float], None]) -> JobResult:
+    """Tell the shares that the problem has; go on after each when the file of its number is there."""
+    problem = json.loads(document)
+    for number, share in enumerate(problem["shares"]):
+        tell(share)
+        while not Path(f"{problem['goes_on']}{number}").exists():
+            time.sleep(0.01)
+    return JobResult(encode_document({}))
+
+
+CHORES = {JobKind.SOLVE: do_chore, JobKind.CHUNK: do_chunk, JobKind.STUDY: do_telling}
 TASKS = WorkerTasks(CHORES, "tests.workers.chores:TASKS")

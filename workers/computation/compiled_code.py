@@ -116,7 +116,11 @@ UNUSED_SECONDS = 30 * 86400.0
 """After so long code that no complete set has used is removed."""
 
 _PACKAGE = compiled.__name__
-_IMPORTS = re.compile(rb"^from (" + re.escape(_PACKAGE).encode() + rb"[\w.]*) import ", re.MULTILINE)
+_SHARED = "service.dynamics.equations.euler_poisson"
+"""The module beside the package from which kernels are made."""
+_IMPORTS = re.compile(
+    rf"^from ({re.escape(_PACKAGE)}[\w.]*|{re.escape(_SHARED)}) import ".encode(), re.MULTILINE
+)
 _FROZEN_TYPES = (bool, int, float, complex, str, bytes, tuple, np.ndarray, np.generic, np.dtype)
 """Types of what kernels freeze."""
 
@@ -206,8 +210,9 @@ def _numba(part: str) -> Any:  # noqa: ANN401
 def stamp(module: str) -> str:
     """Return the digest of all that kernels of a module are made of.
 
-    That is the sources of the module and of all that it imports from the package of kernels, the values in
-    them, which kernels freeze, wherever these come from, and the versions of the compiler.
+    That is the sources of the module and of all that it imports from the package of kernels, or that these
+    are made of, the values in them, which kernels freeze, wherever these come from, and the versions of the
+    compiler.
     """
     parts = [version_of(each) for each in ("numba", "llvmlite", "numpy")]
     for name in sorted(reached(module)):
@@ -277,7 +282,7 @@ def _here() -> str:
     sources = [
         f"{source.relative_to(package).as_posix()}={hashlib.sha256(source.read_bytes()).hexdigest()}"
         for source in sorted(package.rglob("*.py"))
-    ]
+    ] + [hashlib.sha256(_source(_SHARED)).hexdigest()]
     return _digest([version_of("llvmlite"), processor(), libraries(), *sources])
 
 

@@ -72,7 +72,7 @@ def with_period_known(motion: Motion, enclosed: Certified, tolerance: float) -> 
     # Parts of the period that were asked for are later, or sooner.
     times = np.array([float(at) for at in enclosed.times])
     left = np.array([float(at - arb(t)) for at, t in zip(enclosed.times, times.tolist(), strict=True)])
-    return replace(motion, dense=dense, times=times, low_parts=left)
+    return replace(motion, dense=dense, times=times, low_parts=left, place_error=None)
 
 
 def enclosed_motion(problem: Problem, motion: Motion) -> Certified:

@@ -18,6 +18,7 @@ from flint import arb, ctx
 
 from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.parts import AtlasPart, LambdaRange
+from service.dynamics.discovery.outcomes import Tell, part_of, steps_of, untold
 from service.dynamics.discovery.potential_search import ratios_that_admit
 from service.dynamics.errors import DynamicsError
 from service.dynamics.exact import exact_number
@@ -26,9 +27,10 @@ from service.dynamics.formula.parameters import bind, coefficients_of
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.formula.tree import VARIABLES, Binary, Symbol, Tree
+from service.dynamics.formula.tree import VARIABLES, Binary, Symbol, Tree, post_order
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.potentials.recognition.evenness import is_even_in_g2
+from service.dynamics.potentials.terms.bound_formula import MOMENTS
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.windows import find_windows
 from service.dynamics.solution.ball_columns import as_decimals, exact_middle
@@ -51,7 +53,7 @@ from workers.solvers.searches.search import (
     Target,
     search,
 )
-from workers.solvers.searches.structure import Box, stretches
+from workers.solvers.searches.structure import Box, share_of, stretches
 
 PROCESSOR_SECONDS, SECONDS = 60.0, 120.0
 """After either limit what is not settled is undecided."""
@@ -64,27 +66,29 @@ NARROW = 1e-13
 """Relative width of a bracket that is not narrowed any more."""
 LARGEST_JUMP = 1e-3
 """A value that differs by more at the two ends of a narrow bracket does not pass 0 there."""
+LEAST_WIDER, MOST_WIDER = 2.0, 1024.0
+"""An interval in which a passage is to be proved is so many times wider at the next try."""
 ATLAS_SAMPLES = 9
 _LAMBDA = ("motion", "lambda")
 _AFFINE = ("gravity", "rational", "homogeneous")
 """Families of potentials that are sums of terms, each with a coefficient that is a number of the document."""
 
 
-def study_document(document_json: str) -> JobResult | Refused:
-    """Answer the document of a job: a question with ``what``."""
+def study_document(document_json: str, tell: Tell = untold) -> JobResult | Refused:
+    """Answer the document of a job: a question with ``what``; ``tell`` is told how far it is."""
     document: Part = json.loads(document_json)
     if document["what"] in QUESTIONS:
-        answer: Part = json.loads(examine_study_of_job(document_json))
+        answer: Part = json.loads(examine_study_of_job(document_json, tell))
         base = ""
     else:
-        answer, base = answer_or_refusal(document, _numbers), "/base"
+        answer, base = answer_or_refusal(document, partial(_numbers, tell=tell)), "/base"
     if "error" in answer:
         return Refused({**answer["error"], "pointer": f"{base}{answer['error']['pointer']}"})
     return JobResult(encode_document(answer["verdict"]))
 
 
-def _numbers(document: Part) -> Document:
-    """Answer a search of numbers, or refuse it."""
+def _numbers(document: Part, tell: Tell) -> Document:
+    """Answer a search of numbers, or refuse it; ``tell`` is told the share of the box that is settled."""
     asked = trusted_search(document)
     problem = asked.problem_at([each.middle for each in asked.unknowns])
     verdict = decide(problem.body, problem.potential)
@@ -95,26 +99,34 @@ def _numbers(document: Part) -> Document:
     is_late = deadline(PROCESSOR_SECONDS, SECONDS)
     whole: Box = tuple((each.lower, each.upper) for each in asked.unknowns)
     family = family_of(asked, problem)
+    if family is None:
+        return _answer(asked, _seen_solutions(asked, None, is_late, tell), [whole])
     wanted = [Target(each.of, partial(_number, each.equals)) for each in asked.wanted if each.of != "trace"]
-    if family is None or len(wanted) < len(asked.wanted):
-        return _answer(asked, _seen_solutions(asked, is_late), [whole], "possible")
     wanted.sort(key=lambda each: each.of == "period")
     coefficients = _coefficients(asked, problem, verdict)
     has_known_form = coefficients is not None and "A" not in _names(asked).values()
     is_even = has_known_form and all(map(is_even_in_g2, coefficients or ()))
-    question = FamilySearch(family, asked.problem_at, wanted, is_late, is_even=is_even)
+    question = FamilySearch(family, asked.problem_at, wanted, is_late, is_even=is_even, tell=tell)
+    if len(wanted) < len(asked.wanted):
+        known = None if coefficients is None else question
+        return _answer(asked, _seen_solutions(asked, known, is_late, tell), [whole])
     if coefficients is None:
-        return _answer(asked, search(question, whole).solutions, [whole], "possible")
+        seen = [replace(each, proof="possible") for each in search(question, whole).solutions]
+        return _answer(asked, seen, [whole])
     is_along_lambda = [each.path for each in asked.unknowns] == [_LAMBDA]
     parts = _parts(problem, whole[0], is_late) if is_along_lambda else _stretches(question, whole)
     solutions, undecided = list[FoundNumbers](), list[Box]()
+    settled = 0.0
     for part, windows in parts:
-        found = SearchResult((), (part,))
+        found, share = SearchResult((), (part,)), share_of(part, whole)
         if windows is not None or not is_along_lambda:
-            found = search(replace(question, windows=windows), part)
+            inside = part_of(tell, settled, share)
+            found = search(replace(question, windows=windows, tell=inside), part)
+        settled += share
+        tell(settled)
         undecided += [part] if windows is None else found.undecided
         solutions += [each for each in found.solutions if not any(map(each.is_same, solutions))]
-    return _answer(asked, solutions, undecided, "proved")
+    return _answer(asked, solutions, undecided)
 
 
 def _stretches(question: FamilySearch, whole: Box) -> list[tuple[Box, int | None]]:
@@ -196,15 +208,25 @@ def family_of(asked: Search, problem: Problem) -> ProblemFamily | None:
 
 
 def _names(asked: Search) -> dict[int, str]:
-    """Return the names that unknowns of the potential, and moments, have in its formula."""
+    """Return the names that unknowns of the potential, and moments, have in its formula; B if it has it."""
+    whole: Part = asked.base
+    document: Part = whole["potential"]
     names = {}
     for k, each in enumerate(asked.unknowns):
         if each.path[0] == "body":
-            names[k] = each.path[1]
+            # The curve and the equation for V have the other two in them.
+            if each.path[1] != "B" or _has_B(document):
+                names[k] = each.path[1]
         elif each.path[0] == "potential":
             is_named = each.path[1] == "parameters" and len(each.path) == 3
             names[k] = each.path[2] if is_named else f"unknown{k}"
     return names
+
+
+def _has_B(potential: Part) -> bool:
+    """Whether the formula of a potential has B in it."""
+    nodes = post_order(parse(potential["expression"])) if potential["type"] == "expression" else ()
+    return any(isinstance(node, Symbol) and node.name == "B" for node in nodes)
 
 
 def _tree_of(asked: Search, problem: Problem) -> Tree | None:
@@ -212,7 +234,7 @@ def _tree_of(asked: Search, problem: Problem) -> Tree | None:
     whole: Part = asked.base
     document: Part = whole["potential"]
     names = _names(asked)
-    if not names or set(names.values()) == {"B"}:
+    if not names:
         potential = problem.potential
         return potential.tree if potential.has_formula else None
     if document["type"] == "expression":
@@ -222,7 +244,7 @@ def _tree_of(asked: Search, problem: Problem) -> Tree | None:
         known = {name: value for name, value in numbers.items() if name not in names.values()}
         tree = parse(document["expression"])
         return bind(tree, known, variables=(*VARIABLES, *names.values()))
-    if document["type"] not in _AFFINE or any(each.path[0] == "body" for each in asked.unknowns):
+    if document["type"] not in _AFFINE or set(names.values()) & set(MOMENTS):
         return None
     # V is affine in its coefficients: it follows from its values at corners of the box.
     lowest = [each.lower for each in asked.unknowns]
@@ -243,7 +265,7 @@ def _coefficients(asked: Search, problem: Problem, verdict: Verdict) -> Sequence
 
     ``verdict`` is that of the problem in the middle of it.
     """
-    tree, names = _tree_of(asked, problem), [name for name in _names(asked).values() if name != "B"]
+    tree, names = _tree_of(asked, problem), [*_names(asked).values()]
     if tree is None or "C" in names:
         return None
     if not names:
@@ -270,8 +292,14 @@ def _admits_every_ratio(base: Part) -> bool:
         return False
 
 
-def _seen_solutions(asked: Search, is_late: Callable[[], bool]) -> list[FoundNumbers]:
-    """Return the solutions that doubles show along one unknown: where what is wanted passes its value."""
+def _seen_solutions(
+    asked: Search, question: FamilySearch | None, is_late: Callable[[], bool], tell: Tell
+) -> list[FoundNumbers]:
+    """Return the solutions that doubles show along one unknown: where what is wanted passes its value.
+
+    A passage of the trace is proved, if it can be, where the potential is admissible for all numbers: that
+    is what a ``question`` says. ``tell`` is told the share of windows and intervals that were looked at.
+    """
     if len(asked.unknowns) > 1:
         return []
     (unknown,), (wanted,) = asked.unknowns, asked.wanted
@@ -279,18 +307,52 @@ def _seen_solutions(asked: Search, is_late: Callable[[], bool]) -> list[FoundNum
     span = unknown.upper - unknown.lower
     places = [unknown.lower + span * k / (SAMPLES - 1) for k in range(SAMPLES)]
     found = list[FoundNumbers]()
-    for window in range(max(_count_windows(asked, place) for place in places[:: SAMPLES // 8])):
+    windows = max(_count_windows(asked, place) for place in places[:: SAMPLES // 8])
+    for window in range(windows):
 
         def missed(at: Fraction, window: int = window) -> float:
             return nan if is_late() else _value_at(asked, at, window, wanted.of) - target
 
         values = [missed(place) for place in places]
-        for (low, high), (one, two) in zip(pairwise(places), pairwise(values), strict=True):
+        spans = list(zip(pairwise(places), pairwise(values), strict=True))
+        for (low, high), (one, two) in steps_of(spans, part_of(tell, window / windows, 1 / windows)):
             if one * two <= 0.0:
                 ends = _narrowed(missed, (low, one), (high, two))
                 if ends is not None:
-                    found.append(FoundNumbers((ends,), window))
+                    seen = FoundNumbers((ends,), window, "possible")
+                    found.append(seen if question is None else _proved(asked, question, seen))
     return sorted(found, key=lambda each: float(each.values[0].mid()))
+
+
+def _proved(asked: Search, question: FamilySearch, seen: FoundNumbers) -> FoundNumbers:
+    """Return a passage of the trace with a proof, if one is found: that it is beyond its value on both sides.
+
+    The trace is enclosed at two exact numbers, between which the motions stay: then it is continuous there,
+    and takes every value between those at the ends (Bolzano). There may be more places than one.
+    """
+    (unknown,), (wanted,) = asked.unknowns, asked.wanted
+    span = unknown.upper - unknown.lower
+    middle, half = exact_middle(seen.values[0]), max(exact_middle(seen.values[0].rad()), span / 2**48)
+    while half < span / SAMPLES and not question.is_late():
+        ends = max(middle - half, unknown.lower), min(middle + half, unknown.upper)
+        low, high = (_trace_at(asked, end, seen.window) - _number(wanted.equals) for end in ends)
+        if low * high < 0 and question.motions_stay((ends,)):
+            return replace(seen, values=(ball(ends[0]).union(ball(ends[1])),), proof="proved")
+        if low * high < 0 or not (low * high).is_finite():
+            break
+        rise = abs(float(high.mid()) - float(low.mid()))
+        missing = max(float(each.abs_upper()) for each in (low.rad() * 2, high.rad() * 2, (low + high) / 2))
+        half *= Fraction(min(max(2.0 * missing / rise if rise else inf, LEAST_WIDER), MOST_WIDER))
+    return seen
+
+
+def _trace_at(asked: Search, at: Fraction, window: int) -> arb:
+    """Return the enclosed trace of the motion in a window; not finite if it is not enclosed."""
+    told = _told_at(asked, at, window, accuracy={"tier": "certified"})
+    if told is None or told["stability"] is None or told["stability"]["proof"] != "theorem":
+        return arb.nan()
+    value, radius = (ball(exact_number(told["stability"]["trace"][name])) for name in ("value", "radius"))
+    return value + arb(0, radius.abs_upper())
 
 
 def _count_windows(asked: Search, at: Fraction) -> int:
@@ -303,17 +365,22 @@ def _count_windows(asked: Search, at: Fraction) -> int:
 
 def _value_at(asked: Search, at: Fraction, window: int, of: str) -> float:
     """Return what a job tells of the motion in a window; NaN if there is none."""
-    document: Part = asked.document_at([at])
-    asking = {**document, "motion": {**document["motion"], "window": window}}
-    outcome = solve_document(json.dumps(asking), way=way_for("planar", "outputs"), waits=True)
-    if isinstance(outcome, Refused):
+    told = _told_at(asked, at, window)
+    if told is None:
         return nan
-    told: Part = outcome.summary
     if of == "trace":
         return nan if told["stability"] is None else float(told["stability"]["trace"])
     for name in of.split("."):
         told = told[name] or {}
     return float(told.get("value", nan))
+
+
+def _told_at(asked: Search, at: Fraction, window: int, **terms: object) -> Part | None:
+    """Return the summary of the motion in a window, asked on further terms; None if it is refused."""
+    document: Part = asked.document_at([at])
+    asking = {**document, "motion": {**document["motion"], "window": window}, **terms}
+    outcome = solve_document(json.dumps(asking), way=way_for("planar", "outputs"), waits=True)
+    return None if isinstance(outcome, Refused) else outcome.summary
 
 
 def _narrowed(
@@ -332,16 +399,14 @@ def _narrowed(
     return None if is_jump else ball(low[0]).union(ball(high[0]))
 
 
-def _answer(
-    asked: Search, solutions: Sequence[FoundNumbers], undecided: Sequence[Box], proof: str
-) -> Document:
+def _answer(asked: Search, solutions: Sequence[FoundNumbers], undecided: Sequence[Box]) -> Document:
     found: list[Document] = []
     for each in solutions:
         values: Document = {}
         for unknown, value in zip(asked.unknowns, each.values, strict=True):
             decimal, radius = as_decimals(value)
             values[unknown.pointer] = {"value": decimal, "radius": radius}
-        found.append({"values": values, "window": each.window, "proof": proof})
+        found.append({"values": values, "window": each.window, "proof": each.proof})
     boxes = [[[float(low), float(high)] for low, high in box] for box in undecided]
     rest = "undecided" if boxes else "proved_empty"
     return {"verdict": {"solutions": found, "rest": rest, "undecided": boxes}}

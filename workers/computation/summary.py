@@ -117,6 +117,7 @@ def error_kinds(motion: Motion, outputs: Outputs, certified: Certified | None) -
                 kinds[f"precession.{name}"] = "theorem" if proven else angle.kind
     if outputs.stability is not None:
         kinds["stability"] = outputs.stability.proof
+        kinds["stability.trusted_time"] = outputs.stability.trusted_time_proof
         if outputs.stability.enclosed is not None:
             kinds["stability.trace"] = "theorem"
     if outputs.drifts is not None and certified is not None:

@@ -119,6 +119,8 @@ class PoolRun:
     """Ids of jobs whose claims do not hold any more."""
     is_noted: bool = False
     """The store knows that its child has begun."""
+    noted_share: float = 0.0
+    """Share of its only job that is done, as the store knows."""
     is_followed: bool = False
     """Its place has been given another call, before these results are stored."""
 

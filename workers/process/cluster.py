@@ -363,9 +363,9 @@ class DaskPool:
                 self._unheard.pop(address, None)
             worker.heard_at = time.monotonic()
             is_news, worker.why_not = worker.why_not != why_not, why_not
-            begun, stopped = said["begun"], said["stopped"]
+            begun, stopped, shares = said["begun"], said["stopped"], said["shares"]
             for key, batch in worker.batches.items():
-                batch.hear(begun.get(key), stopped.get(key))
+                batch.hear(begun.get(key), stopped.get(key), shares.get(key, 0.0))
         if is_news and why_not is None:
             logger.info("the Dask worker %s with %d threads is ready", address, worker.threads)
         elif is_news:

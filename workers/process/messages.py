@@ -240,7 +240,7 @@ class RemoteBatch:
         self._ask_to_stop, self._release = stop, release
         self._sent_at = time.monotonic()
         self._began_at = self._ended_at = 0.0
-        self._begun, self._at_most = 0, number
+        self._begun, self._at_most, self._share = 0, number, 0.0
         self._is_asked = False
         self._outcomes: list[Outcome | None] = []
         self.fault: BaseException | None = None
@@ -250,6 +250,11 @@ class RemoteBatch:
     def begun(self) -> int:
         """Number of calls begun, as far as its worker has told."""
         return self._begun
+
+    @property
+    def share(self) -> float:
+        """Share of a single call that is done, as its worker told last."""
+        return self._share
 
     @property
     def has_ended(self) -> bool:
@@ -294,13 +299,15 @@ class RemoteBatch:
             raise self.fault
         return self._outcomes
 
-    def hear(self, begun: int | None, stopped: int | None) -> None:
+    def hear(self, begun: int | None, stopped: int | None, share: float) -> None:
         """Note what its worker says of it."""
         if begun:
             self._began_at = self._began_at or time.monotonic()
             self._begun = begun
         if stopped is not None:
             self._at_most = stopped
+        if self._share < share < 1.0:
+            self._share = share
 
     def reply(self, data: bytes) -> None:
         """Note its outcomes, or why it has none."""

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from functools import partial
 from typing import Any, Protocol  # Any: an outcome, or those of a batch
 
 from service.jobs.records import JobKind, Outcome
@@ -25,7 +26,8 @@ logger = logging.getLogger(__name__)
 Computation = Callable[..., Outcome]
 """A module-level function from the payload of a claim, as JSON text, to the outcome of the job.
 
-If the windows of its curve are kept, their text comes second; an audit has the stored solution third.
+If the windows of its curve are kept, their text comes second; an audit has the stored solution third. Those
+of kinds that tell how far they are have last a function that is told it, from 0 to 1.
 """
 Computations = Mapping[JobKind, Computation]
 Call = tuple[Mapping[str, object], Sequence[object]]
@@ -33,8 +35,13 @@ Call = tuple[Mapping[str, object], Sequence[object]]
 
 START_SECONDS = 20.0
 """Limit for a child to take a batch; starting a new child takes far less."""
-_BEGUN, _STOP = 0, 1
-"""Places of the two bytes of a ledger: the number of calls begun, and whether no other one may be."""
+TELLING = frozenset({JobKind.STUDY})
+"""Kinds whose computations tell how far they are; each call of them is alone."""
+_BEGUN, _STOP, _SHARE = 0, 1, 2
+"""Places of the three bytes of a ledger: the number of calls begun, whether no other one may be, and how much
+of the only call is done."""
+_SHARES = 256
+"""One byte of a share, which can be written and read at the same time: 1 is beyond what it can tell."""
 
 
 class ReturnedError(Exception):
@@ -47,6 +54,11 @@ class PoolBatch(Protocol):
     @property
     def begun(self) -> int:
         """Number of calls begun, the last of them perhaps not done. One alone counts as begun."""
+        ...
+
+    @property
+    def share(self) -> float:
+        """Share of a single call that is done, as far as it tells: from 0 to less than 1."""
         ...
 
     @property
@@ -122,20 +134,27 @@ class Pool(Protocol):
 
 
 class Ledger:
-    """The parent's side of the file of two bytes that tells how far a child is, and whether it goes on."""
+    """The parent's side of the file of three bytes that tells how far a child is, and whether it goes on."""
 
-    def __init__(self) -> None:
+    def __init__(self, begun: int = 0) -> None:
         descriptor, self.path = tempfile.mkstemp(prefix="polhode-batch-")
         self._descriptor: int | None = descriptor
-        self._last = 0
+        self._last = bytes([begun, 0, 0])
         self._lock = threading.Lock()
-        os.pwrite(descriptor, bytes(2), 0)
+        os.pwrite(descriptor, self._last, 0)
 
     def begun(self) -> int:
         """Return how many calls the child has begun; once closed, had begun by then."""
+        return self._read()[_BEGUN]
+
+    def share(self) -> float:
+        """Return how much of its only call the child has done, as it told last."""
+        return self._read()[_SHARE] / _SHARES
+
+    def _read(self) -> bytes:
         with self._lock:
             if self._descriptor is not None:
-                self._last = os.pread(self._descriptor, 1, _BEGUN)[0]
+                self._last = os.pread(self._descriptor, len(self._last), 0)
             return self._last
 
     def stop(self) -> int:
@@ -183,6 +202,24 @@ def compute_in_turn(
     return outcomes
 
 
+def compute_telling(path: str, compute: Computation, call: Call) -> list[Outcome | None]:
+    """Compute a call that tells how much of it is done; runs in the child."""
+    fields, arguments = call
+    descriptor = os.open(path, os.O_RDWR)
+    try:
+        with about(**fields):
+            return [compute(*arguments, partial(_tell, descriptor))]
+    finally:
+        os.close(descriptor)
+
+
+def _tell(descriptor: int, share: float) -> None:
+    """Write how much is done, unless more was said to be."""
+    told = bytes([int(min(max(share, 0.0) * _SHARES, _SHARES - 1.0))])
+    if told > os.pread(descriptor, 1, _SHARE):
+        os.pwrite(descriptor, told, _SHARE)
+
+
 class ChildrenPool:
     """The children of a sandbox.
 
@@ -217,6 +254,11 @@ class ChildrenPool:
         """Queue the calls at the child that has the fewest."""
         compute = self._computations[kind]
         future: Future[Any]
+        if kind in TELLING:
+            (call,) = calls
+            ledger = Ledger(begun=1)
+            future = self._sandbox.submit(compute_telling, ledger.path, compute, call, seconds=seconds)
+            return ChildBatch(self._sandbox, future, ledger, self._wake)
         if len(calls) == 1:
             ((fields, arguments),) = calls
             future = self._sandbox.submit(call_about, fields, compute, *arguments, seconds=seconds)
@@ -230,7 +272,7 @@ class ChildrenPool:
 
 
 class ChildBatch:
-    """One call of a child; ``ledger`` is that of several calls."""
+    """One call of a child; ``ledger`` is that of several calls, or of one that tells how far it is."""
 
     def __init__(
         self, sandbox: Sandbox, future: Future[Any], ledger: Ledger | None, wake: Callable[[], None]
@@ -250,6 +292,11 @@ class ChildBatch:
     def begun(self) -> int:
         """Number of calls begun."""
         return 1 if self._ledger is None else self._ledger.begun()
+
+    @property
+    def share(self) -> float:
+        """Share of a single call that is done."""
+        return 0.0 if self._ledger is None else self._ledger.share()
 
     @property
     def has_ended(self) -> bool:

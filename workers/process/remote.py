@@ -125,6 +125,7 @@ class _Server:
             "fault": None if kernels is None or kernels.fault is None else str(kernels),
             "begun": {key: each.begun() for key, each in batches if each.batch.began_at < ripe},
             "stopped": {key: each.batch.stop() for key, each in batches if each.is_stopping},
+            "shares": {key: each.batch.share for key, each in batches if each.batch.share},
         }
 
     def _end_batches(self) -> None:
@@ -248,7 +249,7 @@ class ChildrenProcess:
                     asked.has_ended.set()
             if not self._is_closed.is_set():
                 logger.warning("the process of the children ended with code %d; another one is started", code)
-                self._tell({"is_ready": False, "fault": None, "begun": {}, "stopped": {}})
+                self._tell({"is_ready": False, "fault": None, "begun": {}, "stopped": {}, "shares": {}})
             self._is_closed.wait(_PAUSE_SECONDS)
 
     def _listen(self, process: "subprocess.Popen[bytes]") -> dict[str, int]:

@@ -26,6 +26,8 @@ logger = logging.getLogger(__name__)
 
 WATCH_SECONDS = 0.2
 """How often to look for cancellations while a job runs."""
+PROGRESS_SECONDS = 1.0
+"""How often to store how far jobs are."""
 RECONCILE_SECONDS = 1.0
 """How often to look for expired leases."""
 _STOPPED, _SLOW, _STUCK = "the worker stopped", "a job before it took long", "no child took it"
@@ -69,7 +71,7 @@ class Runner:
         self._shares = LaneShares(random.random())
         self._is_dry = False
         """Nothing was left in the queue when results were stored, a moment ago."""
-        self._reconcile_at = self._watch_at = 0.0
+        self._reconcile_at = self._watch_at = self._progress_at = 0.0
 
     @property
     def is_busy(self) -> bool:
@@ -148,8 +150,21 @@ class Runner:
                 run.is_noted = True
             elif run.is_slow(time.monotonic() - WATCH_SECONDS - BATCH_SECONDS):
                 self._take_back(run)
+        self._note_progress()
         if self._waiting and time.monotonic() > self._waits_since + WATCH_SECONDS + BATCH_SECONDS:
             self._return(self._waiting.unsuspected(), _SLOW)
+
+    def _note_progress(self) -> None:
+        """At intervals, store how far jobs are that tell it and are farther than is stored."""
+        if time.monotonic() < self._progress_at:
+            return
+        self._progress_at = time.monotonic() + PROGRESS_SECONDS
+        told = [(run, run.batch.share) for run in self._runs if run.held]
+        news = [(run, share) for run, share in told if share > run.noted_share]
+        if news:
+            self._store.note_progress([(run.claims[0], share) for run, share in news])
+        for run, share in news:
+            run.noted_share = share
 
     def reconcile(self) -> None:
         """At intervals, requeue the jobs of workers that are gone."""

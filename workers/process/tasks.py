@@ -106,11 +106,11 @@ def draw_atlas(document_json: str) -> JobResult | Refused:
     return draw_document(document_json)
 
 
-def study(document_json: str) -> JobResult | Refused:
+def study(document_json: str, *tell: Callable[[float], None]) -> JobResult | Refused:
     """Call :func:`workers.computation.studies.study_document`."""
     from workers.computation.studies import study_document  # noqa: PLC0415
 
-    return study_document(document_json)
+    return study_document(document_json, *tell)
 
 
 def _warm_up_for_planar_motions() -> None:

@@ -126,7 +126,7 @@ class Units:
         if not self.k:
             return motion
         slow, quick = self.slow, self.quick
-        check, first = motion.cross_check, motion.first_passage
+        check, first, place = motion.cross_check, motion.first_passage, motion.place_error
         if check is not None:
             difference = check.disagreement * max(1.0, quick)
             check = replace(check, disagreement=difference, horizon=check.horizon * slow)
@@ -142,6 +142,7 @@ class Units:
             future=self._limit(motion.future),
             cross_check=check,
             first_passage=None if first is None else first * slow,
+            place_error=None if place is None else replace(place, late=place.late * slow),
             evidence={**motion.evidence, "unit_of_time": slow},
         )
 

@@ -38,14 +38,7 @@ class LocalPool:
     """
 
     def __init__(
-        self,
-        sweep: Sweep,
-        document: object,
-        sandbox: Sandbox,
-        *,
-        way: Way,
-        workers: int,
-        seconds: float,
+        self, sweep: Sweep, document: object, sandbox: Sandbox, *, way: Way, workers: int, seconds: float
     ) -> None:
         self.done: list[Range] = []
         """The points yielded so far."""

@@ -96,7 +96,6 @@ def make_plan(sweep: Sweep) -> Plan:
         moment,
         _times(sweep),
         sides,
-        family,
         poles,
     )
     return Plan(sweep, is_judged=True, compiled=compiled)

@@ -33,15 +33,9 @@ from workers.solvers.choose import QUICK_SPEED
 from workers.solvers.compiled.general.records import Models
 from workers.solvers.compiled.general.run_pair import COLLIDED, INACCURATE, VERIFIED
 from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.integration.compiled import (
-    CompiledIntegrator,
-    integrator_of,
-    models_of,
-    moments_of,
-    verified_runs,
-)
+from workers.solvers.integration.compiled import CompiledIntegrator, integrator_of, models_of, verified_runs
 from workers.solvers.integration.errors import CollisionError, UnsupportedFormulaError
-from workers.solvers.integration.interface import neighbour_of
+from workers.solvers.integration.interface import neighbour_of, rounded_moments
 from workers.solvers.integration.programs import SharedGradient, shared_gradient
 from workers.solvers.integration.solve import run_request_of, tolerances
 from workers.sweeping.parameters.family import has_symbol
@@ -129,7 +123,7 @@ class SharedModels:
         """Return the models of points of one structure."""
         shared = rows[0].shared
         gradient, count = shared.slopes.gradient, len(rows)
-        own, other = (moments_of(self._body, rounding) for rounding in ROUNDINGS)
+        own, other = (rounded_moments(self._body, rounding) for rounding in ROUNDINGS)
         return Models(
             shared.template.program.gradient,
             gradient.code,

@@ -9,6 +9,7 @@ import json
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from service.dynamics.accuracy import TIERS
 from service.jobs.records import Refused
 from workers.computation.compiled_code import GROUPS, Group, is_ready, keep_compiled_code, note_of
 from workers.computation.compute import solve_document
@@ -39,9 +40,7 @@ _OUTPUTS = ["period", "gamma", "omega", "invariants", "orientation"]
 
 FIRST_PROBLEMS: Mapping[str, Document] = MappingProxyType(
     {
-        **{
-            tier: {**_BASE, "accuracy": {"tier": tier}} for tier in ("draft", "standard", "high", "certified")
-        },
+        **{tier: {**_BASE, "accuracy": {"tier": tier}} for tier in TIERS},
         "orientation": {**_BASE, "outputs": _OUTPUTS},
     }
 )

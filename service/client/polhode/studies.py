@@ -56,7 +56,7 @@ class Hit:
     window
         The number of the window of the motion.
     is_proved
-        Within the errors there is exactly one solution; else doubles show one.
+        Within the errors there is a solution, and no other unless a trace is wanted; else doubles show one.
     """
 
     values: Mapping[str, Quantity]
@@ -164,7 +164,7 @@ def _answer(carrier: CarrierT, what: str, document: Document, seconds: float | N
     found: Document = json.loads(reply.content)
     if reply.status != _ACCEPTED:
         return found
-    job = yield from follow(terms, f"/v1/jobs/{found['id']}", found, seconds=seconds)
+    job = yield from follow(terms, f"/v1/jobs/{found['id']}", found, seconds=seconds, what="% of the answer")
     if job.get("state") != "succeeded":
         raise FailedError(job)
     return fields(job["result"])

@@ -33,7 +33,7 @@ function factsOf(solution, tolerances) {
     stability ? fact(solution.problem.motion.type === "classical" ? "Against disturbances" : "Against leaving its plane", h("span", { class: "value" }, STABILITY[stability.verdict]), h("span", { class: "error" },
       " trace "), measured(stability.trace.value === undefined ? { value: stability.trace, error: stability.error } : stability.trace), known("stability")) : null,
     stability?.trusted_time ? fact(`Double precision keeps ${number(exact(accuracy?.tolerance ?? tolerances[solution.tier === "certified" ? "standard" : solution.tier] ?? solution.error), 2)} until`,
-      h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`)) : null,
+      h("span", { class: "value" }, `t ≈ ${number(stability.trusted_time, 4)}`), known("stability.trusted_time")) : null,
     check ? fact("Second method", `${check.method} ${check.agrees ? "agrees" : "disagrees"}`, h("span", { class: "error" }, ` within ${number(check.disagreement, 2)}`)) : null,
     fact("Method", `${solution.method}, tier ${solution.tier}`, h("span", { class: "error" }, ` ${number(solution.cost.compute_seconds, 2)} s`)),
   ].filter(Boolean);

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.equations.euler_poisson import FourOperations, integrals_in, moments_of, rates_in
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.discs import Disc, DiscAlgebra
 from service.dynamics.formula.algebras.interval_bounds import OPERATION_ROUNDING, widened
@@ -44,58 +45,24 @@ def value_and_gradient(algebra: Algebra[T], tape: Tape, gamma: Sequence[T]) -> t
 def rates_at(
     algebra: Algebra[T], body: RigidBody, state: Sequence[T], gradient: Sequence[T]
 ) -> tuple[T, ...]:
-    """Return the right-hand sides of :mod:`service.dynamics.equations.euler_poisson` for p, q, r, g1, g2, g3.
-
-    A moment B that was left out matters for q' alone; it is taken as A + C, the largest there is.
-    """
-    A, B, C = _moments(body)
-    differences = [algebra.constant(each) if each else None for each in (B - C, C - A, A - B)]
-    return rates_with(algebra, [algebra.constant(each) for each in (A, B, C)], differences, state, gradient)
-
-
-def rates_with(
-    algebra: Algebra[T],
-    moments: Sequence[T],
-    differences: Sequence[T | None],
-    state: Sequence[T],
-    gradient: Sequence[T],
-) -> tuple[T, ...]:
-    """Return the same for moments that are any elements; B - C, C - A, A - B are None where they are 0."""
-    times, minus = algebra.multiply, algebra.subtract
-    omega, gamma = state[:3], state[3:6]
-    turns = ((1, 2), (2, 0), (0, 1))
-
-    def cross(x: Sequence[T], y: Sequence[T], j: int, k: int) -> T:
-        return minus(times(x[j], y[k]), times(x[k], y[j]))
-
-    rates: list[T] = []
-    for (j, k), moment, difference in zip(turns, moments, differences, strict=True):
-        torque = cross(gamma, gradient, j, k)
-        if difference is not None:
-            torque = algebra.add(times(difference, times(omega[j], omega[k])), torque)
-        rates.append(algebra.divide(torque, moment))
-    return (*rates, *(cross(gamma, omega, j, k) for j, k in turns))
+    """Return the rates of p, q, r, g1, g2, g3; a B that was left out is as in :func:`.moments_of`."""
+    return rates_in(operations_of(algebra))(_constants(algebra, body), state, gradient)
 
 
 def integrals_at(algebra: Algebra[T], body: RigidBody, state: Sequence[T], value: T) -> Integrals[T]:
     """Return h = (A p² + B q² + C r²)/2 + V, A p g1 + B q g2 + C r g3, and γ·γ; V is ``value``."""
-    omega, gamma = state[:3], state[3:]
-    momenta = tuple(
-        algebra.multiply(algebra.constant(moment), x) for moment, x in zip(_moments(body), omega, strict=True)
-    )
-    kinetic = algebra.divide(_product(algebra, momenta, omega), algebra.constant(Fraction(2)))
-    return Integrals(
-        algebra.add(kinetic, value), _product(algebra, momenta, gamma), _product(algebra, gamma, gamma)
-    )
+    half = algebra.constant(Fraction(1, 2))
+    found = integrals_in(operations_of(algebra))(_constants(algebra, body), state, value, half)
+    return Integrals(*found)
 
 
-def _moments(body: RigidBody) -> tuple[Fraction, Fraction, Fraction]:
-    return body.A, body.A + body.C if body.B is None else body.B, body.C
+def operations_of(algebra: Algebra[T]) -> FourOperations[T]:
+    """Return the four operations of an algebra."""
+    return FourOperations(algebra.add, algebra.subtract, algebra.multiply, algebra.divide)
 
 
-def _product(algebra: Algebra[T], x: Sequence[T], y: Sequence[T]) -> T:
-    first, second, third = (algebra.multiply(a, b) for a, b in zip(x, y, strict=True))
-    return algebra.add(algebra.add(first, second), third)
+def _constants(algebra: Algebra[T], body: RigidBody) -> list[T]:
+    return [algebra.constant(each) for each in moments_of(body)]
 
 
 FloatArray = NDArray[np.float64]
@@ -122,9 +89,8 @@ class Equations:
 
     @property
     def moments(self) -> FloatArray:
-        """The principal moments, a B that is left out as :func:`.rates_at` takes it."""
-        body = self.body
-        return np.array([float(body.A), float(body.A + body.C if body.B is None else body.B), float(body.C)])
+        """The principal moments, a B that is left out as :func:`.moments_of` takes it."""
+        return np.array([float(each) for each in moments_of(self.body)[:3]])
 
     def at(self, states: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return F at states of shape (n, 6), same shape, and the three integrals, shape (n, 3)."""

@@ -15,12 +15,13 @@ from typing import TypeVar
 
 from flint import Ordering, arb, fmpz_mpoly, fmpz_mpoly_ctx
 
-from service.dynamics.defect.equations import rates_with
+from service.dynamics.defect.equations import operations_of
 from service.dynamics.discovery.outcomes import FunctionTooLargeError, UndefinedFunctionError
 from service.dynamics.discovery.setting import POTENTIAL_POINTER, STATE, VELOCITIES, LetteredSetting
 from service.dynamics.discovery.strata import Letters, by_powers, coefficients
+from service.dynamics.equations.euler_poisson import rates_in
 from service.dynamics.errors import ImpossibleInertiaError
-from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebra import Algebra, DerivedOperations
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.parameters import PI
@@ -63,7 +64,7 @@ class SolvedRelation:
         return bool(self.initial.is_constant()) and abs(int(self.initial.leading_coefficient())) == 1
 
 
-class Functions:
+class Functions(DerivedOperations[Quotient]):
     """The field of rational functions of one question; an algebra for tapes, without derivatives."""
 
     def __init__(self, setting: LetteredSetting, tapes: Iterable[Tape]) -> None:
@@ -112,10 +113,6 @@ class Functions:
         above = left.numerator * right.denominator + right.numerator * left.denominator
         return self._lowest(above, left.denominator * right.denominator)
 
-    def subtract(self, left: Quotient, right: Quotient) -> Quotient:
-        """Return left - right."""
-        return self.add(left, self.negate(right))
-
     def negate(self, operand: Quotient) -> Quotient:
         """Return -operand."""
         return Quotient(-operand.numerator, operand.denominator)
@@ -147,10 +144,6 @@ class Functions:
             raise NoProofError("a power larger than proofs handle")
         _require_room(comb(size + n - 1, n) if size > 1 else 1)
         return Quotient(base.numerator**n, base.denominator**n)
-
-    def general_power(self, base: Quotient, exponent: Quotient) -> Quotient:
-        """Return exp(exponent · log(base))."""
-        return self.call("exp", self.multiply(exponent, self.call("log", base)))
 
     def call(self, name: str, argument: Quotient) -> Quotient:
         """Return the function: an atom, or a quotient of two."""
@@ -384,7 +377,7 @@ def equations_of_motion(
     """Return the derivatives of p, ..., g3 in time; ``gradient`` has those of V along g1, g2, g3 last."""
     A, B, C = moments
     differences = [field.subtract(x, y) for x, y in ((B, C), (C, A), (A, B))]
-    return rates_with(field, moments, differences, state, gradient[3:])
+    return rates_in(operations_of(field))((*moments, *differences), state[:6], gradient[3:])
 
 
 def pseudo_remainder(polynomial: fmpz_mpoly, relation: SolvedRelation) -> fmpz_mpoly:

@@ -27,6 +27,10 @@ from service.dynamics.discovery.outcomes import (
     NotPolynomialError,
     SearchTooLargeError,
     SpecialIntegrals,
+    Tell,
+    steps_of,
+    thirds_of,
+    untold,
 )
 from service.dynamics.discovery.setting import POTENTIAL_POINTER, STATE, LetteredSetting
 from service.dynamics.discovery.strata import (
@@ -40,6 +44,7 @@ from service.dynamics.discovery.strata import (
     primitive,
     special_strata,
 )
+from service.dynamics.formula.algebras.monomials import weighted_sum
 from service.dynamics.formula.tree import VARIABLES
 from service.dynamics.potentials.terms.bound_formula import MOMENTS
 from service.dynamics.verdict.exact_ring.layout import NoProofError
@@ -65,15 +70,10 @@ class NormalForms:
         """Return the monomial as a sum of those that are left."""
         found = self.known.get(monomial)
         if found is None:
-            found = {}
             terms = self._replaced(monomial)
-            for other, value in terms or ((monomial, 1),):
-                if terms is None:
-                    found[other] = value
-                    continue
-                for each, factor in self.of(other).items():
-                    found[each] = found.get(each, 0) + value * factor
-            found = {each: value for each, value in found.items() if value}
+            found = {monomial: 1}
+            if terms is not None:
+                found = weighted_sum((value, self.of(other)) for other, value in terms)
             self.known[monomial] = found
         return found
 
@@ -127,6 +127,7 @@ def search_integrals(
     *,
     areas_zero: bool = False,
     is_late: Callable[[], bool] = lambda: False,
+    tell: Tell = untold,
 ) -> IntegralSearch:
     """Return all polynomial integrals up to the degrees, for all letters and where there are more.
 
@@ -138,6 +139,9 @@ def search_integrals(
         Upper bounds of the degrees in p, q, r and in g1, g2, g3, of some form of the integral on |γ| = 1.
     areas_zero
         Look for what is constant where I3 = 0.
+    tell
+        Is told the share of steps that are done: blocks that are solved, with letters also blocks in which
+        special values are looked for, and values that are tried, a third each.
 
     Raises
     ------
@@ -151,15 +155,17 @@ def search_integrals(
         It was late before those for all values of the letters were found.
     """
     search = _Search.of(setting, omega_degree, gamma_degree, areas_zero, is_late)
-    generic = search.integrals_on(EVERYWHERE, is_late)
+    has_letters = bool(search.letters.ring.nvars())
+    first, second, third = thirds_of(tell)
+    generic = search.integrals_on(EVERYWHERE, is_late, first if has_letters else tell)
     strata, is_complete = list[Stratum](), True
-    for block in search.blocks if search.letters.ring.nvars() else ():
+    for block in steps_of(search.blocks, second) if has_letters else ():
         try:
             strata += special_strata(block.rows, search.letters, is_late)
         except TimeoutError:
             is_complete = False
     special = list[SpecialIntegrals]()
-    for each in search.special(strata, len(generic), is_late):
+    for each in search.special(strata, len(generic), is_late, third):
         if each is None:
             is_complete = False
         else:
@@ -223,10 +229,12 @@ class _Search:
             )
         return cls(field_, letters, monomials, blocks, has_zero_areas, list(candidates(field_)))
 
-    def integrals_on(self, stratum: Stratum, is_late: Callable[[], bool]) -> list[FoundIntegral]:
+    def integrals_on(
+        self, stratum: Stratum, is_late: Callable[[], bool], tell: Tell = untold
+    ) -> list[FoundIntegral]:
         """Return the integrals on a stratum, by rising degree; raises TimeoutError if it is late."""
         vectors: list[tuple[int, Row]] = []
-        for block in self.blocks:
+        for block in steps_of(self.blocks, tell):
             rows = [row for row in map(stratum.apply, block.rows) if row]
             solved = kernel(rows, len(block.places), self.letters, is_late)
             for vector in echelon(solved, self.letters):
@@ -272,11 +280,11 @@ class _Search:
         return point.rank(span) - usual
 
     def special(
-        self, strata: Sequence[Stratum], generic: int, is_late: Callable[[], bool]
+        self, strata: Sequence[Stratum], generic: int, is_late: Callable[[], bool], tell: Tell
     ) -> Iterator[SpecialIntegrals | None]:
         """Yield what strata have beyond all values of the letters and wider strata; None if it is late."""
         found: list[tuple[Stratum, SpecialIntegrals]] = []
-        for stratum in sorted(strata, key=lambda each: len(each.conditions)):
+        for stratum in steps_of(sorted(strata, key=lambda each: len(each.conditions)), tell):
             if is_late():
                 yield None
                 return

@@ -3,10 +3,10 @@
 All formulas are of the grammar: in p, q, r, g1, g2, g3, the moments A, B, C and the client's parameters.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, TypeVar
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.verdict.refutations.counterexample import DecimalBall
@@ -15,6 +15,32 @@ Document = dict[str, object]
 
 Level = Literal["always", "zero_areas", "relations"]
 """The motions along which a function is constant: all, those with I3 = 0, those on the relations sent."""
+
+
+Tell = Callable[[float], None]
+"""Is told how much of a search is done: from 0 to 1, in rising order."""
+T = TypeVar("T")
+
+
+def untold(_: float) -> None:
+    """Tell nobody."""
+
+
+def part_of(tell: Tell, before: float, share: float) -> Tell:
+    """Return what is told how much of a part is done: of such a share of the whole, and so much before it."""
+    return lambda done: tell(before + share * done)
+
+
+def thirds_of(tell: Tell) -> tuple[Tell, Tell, Tell]:
+    """Return the same for three equal parts."""
+    return part_of(tell, 0.0, 1 / 3), part_of(tell, 1 / 3, 1 / 3), part_of(tell, 2 / 3, 1 / 3)
+
+
+def steps_of(steps: Sequence[T], tell: Tell) -> Iterator[T]:
+    """Yield steps, and tell after each how many of them are done."""
+    for done, step in enumerate(steps, start=1):
+        yield step
+        tell(done / len(steps))
 
 
 class NotPolynomialError(DynamicsError):

@@ -20,6 +20,10 @@ from service.dynamics.discovery.outcomes import (
     PotentialSearch,
     SearchTooLargeError,
     SpecialRatio,
+    Tell,
+    steps_of,
+    thirds_of,
+    untold,
 )
 from service.dynamics.discovery.setting import POTENTIAL_POINTER, read_setting
 from service.dynamics.discovery.strata import (
@@ -130,11 +134,16 @@ class _Block:
 
 
 def search_potentials(
-    ratio: Fraction | None, degree: int, is_late: Callable[[], bool] = lambda: False
+    ratio: Fraction | None,
+    degree: int,
+    is_late: Callable[[], bool] = lambda: False,
+    tell: Tell = untold,
 ) -> PotentialSearch:
     """Return all admissible polynomials up to a degree on the sphere, for A/C = ``ratio``.
 
-    Without a ratio: for all A ≠ C, with every ratio at which there are more.
+    Without a ratio: for all A ≠ C, with every ratio at which there are more. ``tell`` is told the share of
+    blocks that are solved, without a ratio also that of those in which ratios are looked for, and that of
+    ratios, a third each.
 
     Raises
     ------
@@ -151,14 +160,16 @@ def search_potentials(
         raise EqualMomentsError("A = C: the compatibility equation needs A ≠ C", pointer="/body")
     ring = _ring(ratio)
     blocks = list(_blocks(degree))
-    found = [factored_text(each) for block in blocks for each in _new(ring, block, ())]
+    first, second, third = thirds_of(tell) if ratio is None else (tell, untold, untold)
+    found = [factored_text(each) for block in steps_of(blocks, first) for each in _new(ring, block, ())]
     special: set[Fraction] = set()
     if ratio is None:
-        for block in blocks:
+        for block in steps_of(blocks, second):
             for stratum in special_strata(block.rows(ring), ring.letters, is_late):
                 special |= _ratios(ring, block, stratum)
     ratios = []
-    for each in sorted(special - {Fraction(1)}, key=lambda each: (max(each, 1 / each), -each)):
+    in_order = sorted(special - {Fraction(1)}, key=lambda each: (max(each, 1 / each), -each))
+    for each in steps_of(in_order, third):
         there, more = _ring(each), list[str]()
         for block in blocks:
             known = [_specialised(V, each) for V in block.kernel(ring)]

@@ -10,7 +10,11 @@ unit vector, both in the principal axes; all arrays have shape (..., 3). V is
 known up to a constant, which the energy shares.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from operator import add, mul, sub, truediv
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +23,70 @@ from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
 
 FloatArray = NDArray[np.float64]
+T = TypeVar("T")
+
+
+class FourOperations(NamedTuple, Generic[T]):
+    """An arithmetic: of arrays, of an algebra's elements, or of what compiled code computes with."""
+
+    plus: Callable[[T, T], T]
+    minus: Callable[[T, T], T]
+    times: Callable[[T, T], T]
+    over: Callable[[T, T], T]
+
+
+BY_OPERATORS: FourOperations[FloatArray] = FourOperations(add, sub, mul, truediv)
+
+
+def rates_in(
+    arithmetic: FourOperations[T],
+) -> Callable[[Sequence[T], Sequence[T], Sequence[T]], tuple[T, ...]]:
+    """Return the function of moments as in :func:`moments_of`, a state and V_1, V_2, V_3 to its six rates."""
+    plus, minus, times, over = arithmetic
+
+    def rates(moments: Sequence[T], state: Sequence[T], slopes: Sequence[T]) -> tuple[T, ...]:
+        A, B, C, B_C, C_A, A_B = moments
+        p, q, r, g1, g2, g3 = state
+        V1, V2, V3 = slopes
+        return (
+            over(plus(times(B_C, times(q, r)), minus(times(g2, V3), times(g3, V2))), A),
+            over(plus(times(C_A, times(r, p)), minus(times(g3, V1), times(g1, V3))), B),
+            over(plus(times(A_B, times(p, q)), minus(times(g1, V2), times(g2, V1))), C),
+            minus(times(g2, r), times(g3, q)),
+            minus(times(g3, p), times(g1, r)),
+            minus(times(g1, q), times(g2, p)),
+        )
+
+    return rates
+
+
+def integrals_in(
+    arithmetic: FourOperations[T],
+) -> Callable[[Sequence[T], Sequence[T], T, T], tuple[T, T, T]]:
+    """Return the function of moments, a state, V and ½ to its energy, its areas and γ·γ."""
+    plus, _, times, _ = arithmetic
+
+    def integrals(moments: Sequence[T], state: Sequence[T], V: T, half: T) -> tuple[T, T, T]:
+        A, B, C, _, _, _ = moments
+        p, q, r, g1, g2, g3 = state
+        first, second, third = times(A, p), times(B, q), times(C, r)
+        twice = plus(plus(times(first, p), times(second, q)), times(third, r))
+        return (
+            plus(times(half, twice), V),
+            plus(plus(times(first, g1), times(second, g2)), times(third, g3)),
+            plus(plus(times(g1, g1), times(g2, g2)), times(g3, g3)),
+        )
+
+    return integrals
+
+
+def moments_of(body: RigidBody) -> tuple[Fraction, ...]:
+    """Return A, B, C, B − C, C − A, A − B.
+
+    A moment B that was left out matters for q' alone; it is taken as A + C, the largest there is.
+    """
+    A, B, C = body.A, body.A + body.C if body.B is None else body.B, body.C
+    return A, B, C, B - C, C - A, A - B
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +107,11 @@ def euler_poisson_rhs(
     MissingMomentError
         The body has no B.
     """
-    inertia = np.array([float(body.A), float(body.require_B("the equations of motion")), float(body.C)])
-    torque = np.cross(gamma, potential.gradient(gamma))
-    return StateRates(
-        omega=(np.cross(inertia * omega, omega) + torque) / inertia, gamma=np.cross(gamma, omega)
-    )
+    body.require_B("the equations of motion")
+    moments = [np.asarray(float(each)) for each in moments_of(body)]
+    state = [*np.moveaxis(omega, -1, 0), *np.moveaxis(gamma, -1, 0)]
+    found = rates_in(BY_OPERATORS)(moments, state, [*np.moveaxis(potential.gradient(gamma), -1, 0)])
+    return StateRates(np.stack(found[:3], axis=-1), np.stack(found[3:], axis=-1))
 
 
 def energy_integral(

@@ -43,6 +43,18 @@ class Algebra(Protocol[T]):
         """Return exp, log, sin, cos, tan, abs, or sign (the derivative of abs) of the argument."""
 
 
+class DerivedOperations(Generic[T]):
+    """The part of an algebra that follows from its other operations; what has a closer one overrides it."""
+
+    def subtract(self: Algebra[T], left: T, right: T) -> T:
+        """Return left - right."""
+        return self.add(left, self.negate(right))
+
+    def general_power(self: Algebra[T], base: T, exponent: T) -> T:
+        """Return exp(exponent · log(base))."""
+        return self.call("exp", self.multiply(exponent, self.call("log", base)))
+
+
 class RingElement(Protocol):
     """A type with addition and multiplication: what an :class:`Arithmetic` is, and series."""
 

@@ -66,9 +66,9 @@ def homogeneous_on_sphere(polynomial: PolynomialSum) -> dict[Exponents, Fraction
     for low in range(degree(total)):
         for i, j, k in [e for e in total if sum(e) == low < highest[e[0] % 2, e[1] % 2, e[2] % 2]]:
             coefficient = total.pop((i, j, k))
-            for raised in ((i + 2, j, k), (i, j + 2, k), (i, j, k + 2)):
-                _add(total, raised, coefficient)
-    return without_zeros(total)
+            raised = dict.fromkeys(((i + 2, j, k), (i, j + 2, k), (i, j, k + 2)), coefficient)
+            total = weighted_sum(((Fraction(1), total), (Fraction(1), raised)))
+    return total
 
 
 def degree(polynomial: PolynomialSum) -> int:
@@ -95,7 +95,3 @@ def difference(left: PolynomialSum, right: PolynomialSum) -> dict[Exponents, Fra
 def quadratic(alpha: Fraction) -> dict[Exponents, Fraction]:
     """Return Q/C = α g1² + g3²."""
     return {(2, 0, 0): alpha, (0, 0, 2): Fraction(1)}
-
-
-def _add(total: dict[Exponents, Fraction], exponents: Exponents, value: Fraction) -> None:
-    total[exponents] = total.get(exponents, Fraction(0)) + value

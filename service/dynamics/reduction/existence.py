@@ -103,10 +103,7 @@ class _Piece:
 
 
 def find_existence(
-    body: RigidBody,
-    potential: Potential,
-    motion: PlanarMotion,
-    is_late: Callable[[], bool] = lambda: False,
+    body: RigidBody, potential: Potential, motion: PlanarMotion, is_late: Callable[[], bool] = lambda: False
 ) -> Existence | None:
     """Return the λ with motions; ``motion`` gives everything but λ. None for a V without a formula; A ≠ C.
 

@@ -6,12 +6,7 @@ from flint import arb
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.problem import (
-    PlanarMotion,
-    StartAtEquator,
-    StartAtPoint,
-    StartAtRest,
-)
+from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
 from service.dynamics.reduction.geometry.loop import start_g3_sign
 from service.dynamics.reduction.window import Arc, Window
 

@@ -18,7 +18,10 @@ class JobOut(ResponseModel):
     state: StateName = Field(description="The last three are final.")
     priority: int = Field(description="Larger first.")
     attempt: int = Field(description="Number of times a worker has taken it.")
-    progress: float = Field(description="From 0 to 1.")
+    progress: float = Field(
+        description="From 0 to 1, which only what has succeeded has; it never falls. A study tells how much"
+        " of its box is settled, or how many of its steps are done; other jobs tell nothing on the way."
+    )
     error: dict[str, object] | None = Field(description="Why it failed: `code`, `detail` and more.")
     reused: bool = Field(description="Its solution was computed for an earlier job.")
     solution: str | None = Field(description="Id of the solution, when succeeded.")

@@ -122,7 +122,10 @@ class StabilityOut(ResponseModel):
     trusted_time: float | None = Field(
         description="Until about this time double precision keeps the problem's tolerance, in the tier"
         " certified that of the tier standard: what roundings grow to stays below it; null if beyond"
-        " a million periods."
+        " a million periods. If `error_kind` calls it a theorem: a rounding of the state at the beginning of"
+        " every period, carried on by the equations of variation (the equations to first order), stays below"
+        " it until this time, by enclosures of what one period and its parts do to neighbours. It does not"
+        " bound what an integrator loses in its own steps."
     )
 
 

@@ -24,7 +24,8 @@ class FoundOut(ResponseModel):
     values: dict[str, EnclosedOut] = Field(description="Of the unknowns, by their pointers.")
     window: int = Field(description="Number of the window of the motion, as `motion.window` counts them.")
     proof: Literal["proved", "possible"] = Field(
-        description="`proved`: within the radii there is exactly one solution. `possible`: doubles show one."
+        description="`proved`: within the radii there is a solution, and no other unless a trace is wanted."
+        " `possible`: doubles show one."
     )
 
 

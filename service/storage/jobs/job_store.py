@@ -230,6 +230,14 @@ class JobStore:
                 update(AttemptRow).where(*attempt, AttemptRow.ended_at.is_(None)).values(detail=BEGUN)
             )
 
+    def note_progress(self, shares: Sequence[tuple[Claim, float]]) -> None:
+        """Note how much of jobs is done, less than all: never less than before, and if claims hold."""
+        with self._database.write() as session:
+            for claim, share in shares:
+                session.execute(
+                    update(JobRow).where(*fence(claim), JobRow.progress < share).values(progress=share)
+                )
+
     def held(self, claims: Sequence[Claim]) -> frozenset[str]:
         """Return the ids of those jobs whose claims still hold; writes nothing."""
         if not claims:

@@ -35,6 +35,11 @@ def names(found):
     return [each.name for each in found]
 
 
+def rises_to_one(told):
+    """Whether what a search told of its progress rises, in more than a few steps, and ends at 1."""
+    return len(told) > 10 and told == sorted(told) and told[0] > 0.0 and told[-1] == pytest.approx(1.0)
+
+
 def cases(found):
     return {frozenset(each.conditions): names(each.integrals) for each in found.special}
 
@@ -75,7 +80,10 @@ def test_integrals_without_a_name_are_integrals():
 
 def test_all_moments_at_which_a_heavy_body_has_a_cubic_integral_on_the_zero_level():
     # Letters A, B, C and a. By a theorem (Husson 1906 in general) there are no others than these.
-    found = search_integrals(read_setting({}, "a*g1", {"a": None}), 3, 1, areas_zero=True)
+    told: list[float] = []
+    setting = read_setting({}, "a*g1", {"a": None})
+    found = search_integrals(setting, 3, 1, areas_zero=True, tell=told.append)
+    assert rises_to_one(told)
     assert found.is_complete
     assert not found.integrals
     assert cases(found) == {
@@ -140,7 +148,9 @@ def test_searches_that_cannot_be_made_are_refused(field, degrees, error, pointer
 
 def test_polynomials_with_planar_motions_up_to_degree_8_are_those_of_the_theory_and_no_others():
     # Theory 5.2, found there by ranks for some ratios: here for all of them at once.
-    found = search_potentials(None, 8)
+    told: list[float] = []
+    found = search_potentials(None, 8, tell=told.append)
+    assert rises_to_one(told)
     assert found.dimension == 8
     further = {Fraction(2 * n): 2 * n - 1 for n in (1, 2, 3, 4)}
     assert {each.ratio for each in found.ratios} == {*further, *(1 / each for each in further)}

@@ -1,6 +1,9 @@
 """The signs of the equations, and their integrals stationary on random states."""
 
+import operator
+import re
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,11 +12,16 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.equations import euler_poisson
 from service.dynamics.equations.euler_poisson import (
+    FourOperations,
     areas_integral,
     energy_integral,
     euler_poisson_rhs,
     geometric_integral,
+    integrals_in,
+    moments_of,
+    rates_in,
 )
 from service.dynamics.errors import MissingMomentError
 from service.dynamics.potentials.families.expression import expression_potential
@@ -38,6 +46,40 @@ FIELDS: st.SearchStrategy[Potential] = st.one_of(
 PARTS = st.floats(0.2, 1.0)
 RATES = st.integers(-3000, 3000).map(lambda thousandths: thousandths / 1000)
 """Zero or of ordinary size: the squares of tiny rates would underflow in the bound itself."""
+
+
+NUMBERS = st.fractions(min_value=-9, max_value=9, max_denominator=9)
+EXACT: FourOperations[Fraction] = FourOperations(operator.add, operator.sub, operator.mul, operator.truediv)
+OWN_EQUATIONS = {"workers/solvers/compiled/general/series.py": "its sums of products share what they read"}
+"""Other modules that write the six rates, and why they do."""
+
+
+@given(st.lists(NUMBERS, min_size=9, max_size=9), st.lists(st.fractions(1, 9), min_size=3, max_size=3))
+def test_the_integrals_are_stationary_exactly(numbers: list[Fraction], moments: list[Fraction]) -> None:
+    """In rational numbers, for any slopes of V; each rate of an integral is that of its own formula."""
+    state, slopes, zero = numbers[:6], numbers[6:], Fraction(0)
+    A, B, C = moments
+    body = RigidBody(A, B, C, allow_unphysical=True)
+    rates = rates_in(EXACT)(moments_of(body), state, slopes)
+    # Integrals are of the second degree but for V: the middle of two neighbours tells their derivative.
+    before, after = ([x + sign * rate for x, rate in zip(state, rates, strict=True)] for sign in (-1, 1))
+    gain = sum((slope * rate for slope, rate in zip(slopes, rates[3:], strict=True)), zero)
+    ends = [
+        integrals_in(EXACT)(moments_of(body), each, sign * gain, Fraction(1, 2))
+        for each, sign in ((before, -1), (after, 1))
+    ]
+    assert ends[0] == ends[1]
+
+
+def test_every_other_place_where_the_rates_are_written_is_listed_here() -> None:
+    root = Path(euler_poisson.__file__).parents[3]
+    sources = (path for folder in ("service", "workers") for path in (root / folder).rglob("*.py"))
+    written = {
+        path.relative_to(root).as_posix()
+        for path in sources
+        if re.search(r"\bq \* g3\b|\bg3 \* q\b", path.read_text(encoding="utf-8"))
+    }
+    assert written == set(OWN_EQUATIONS)
 
 
 @settings(deadline=None)

@@ -131,6 +131,24 @@ def test_a_heartbeat_keeps_the_lease(jobs):
     assert jobs.held([claimed]) == {claimed.job_id}
 
 
+def test_progress_rises_while_the_claim_holds_and_is_1_at_success_only(jobs):
+    job = jobs.submit(PROBLEM, "digest")
+    first = claim(jobs, "first", OVER)
+    told = []
+    for share in (0.25, 0.125, 0.5):
+        jobs.note_progress([(first, share)])
+        told.append(jobs.get(job.id).progress)
+    assert told == [0.25, 0.25, 0.5]
+    jobs.reconcile(max_attempts=3)
+    second = claim(jobs, "second")
+    # Who has lost the job tells nothing of it any more; who has it now begins anew.
+    jobs.note_progress([(first, 0.75), (second, 0.125)])
+    assert jobs.get(job.id).progress == 0.5
+    assert succeed(jobs, second)
+    jobs.note_progress([(second, 0.75)])
+    assert jobs.get(job.id).progress == 1.0
+
+
 def test_a_job_that_kills_its_workers_is_given_up_with_its_history(jobs):
     job = jobs.submit(PROBLEM, "digest")
     for n in range(3):

@@ -34,6 +34,7 @@ from workers.computation.compiled_code import (
 from workers.computation.compute import solve_document
 from workers.process.tasks import PRELOAD
 from workers.solvers import compiled
+from workers.solvers.compiled.linking import Kernel
 from workers.solvers.errors import AccuracyNotMetError
 from workers.sweeping.chunk import compute_chunk
 
@@ -49,6 +50,7 @@ PROBLEM = {
 CALLING = """
 import sys
 from workers.computation import compiled_code
+from workers.solvers.compiled.linking import Kernel
 from workers.solvers.ways import NotReadyError
 when, may_compile = sys.argv[1:]
 if may_compile == "yes":
@@ -180,6 +182,16 @@ def imported_by(module):
 def test_all_sources_that_a_kernel_reaches_are_part_of_its_address(module):
     """The test reads the tree of the sources; the product looks for lines that begin with an import."""
     assert set(imported_by(module)) - {module} <= reached(module)
+
+
+@pytest.mark.parametrize("module", modules())
+def test_all_functions_that_kernels_are_made_of_are_part_of_their_address(module):
+    """Some are made by functions of other modules, even of one beside the package."""
+    sources = {importlib.import_module(name).__file__ for name in reached(module)}
+    kernels = [each for each in vars(importlib.import_module(module)).values() if isinstance(each, Kernel)]
+    for each in kernels:
+        if each.py_func.__module__ == module:
+            assert each.py_func.__code__.co_filename in sources
 
 
 def test_a_change_of_one_module_changes_the_address_of_what_depends_on_it_only(tmp_path, clone):

@@ -10,6 +10,7 @@ import pytest
 
 from service.jobs.queue import BatchSize
 from service.jobs.records import AttemptOutcome, Claim, JobKind, JobState
+from service.storage.solutions.result_store import ResultStore
 from tests.support.waiting import PATIENCE, is_alive, wait_until
 from tests.workers import chores
 from tests.workers.process.together import LIMITS, Together
@@ -55,6 +56,24 @@ def together(jobs, pool, monkeypatch):
     yield start
     for each in made:
         each.runner.give_back()
+
+
+def test_what_a_job_tells_of_its_progress_is_seen_by_whoever_asks(together, database, jobs, tmp_path):
+    shares = [0.0, 0.5, 0.75]
+    document = {"shares": shares, "goes_on": str(tmp_path / "goes on")}
+    job = ResultStore(database).submit(JobKind.STUDY, document, "digest")
+    worker = together()
+    for number, share in enumerate(shares):
+
+        def has_told(share: float = share) -> bool:
+            worker.turn()
+            now = jobs.get(job.id)
+            return now.state is JobState.RUNNING and now.progress == share
+
+        wait_until(has_told)
+        (tmp_path / f"goes on{number}").touch()
+    assert worker.finish([job.id]) == [JobState.SUCCEEDED]
+    assert jobs.get(job.id).progress == 1.0
 
 
 def test_problems_share_a_call_and_each_has_its_attempt_and_its_solution(together, solutions, tmp_path):

@@ -6,9 +6,9 @@ from concurrent.futures import CancelledError
 import numpy as np
 import pytest
 
-from service.jobs.records import JobKind, Refused, Solved
+from service.jobs.records import JobKind, JobResult, Refused, Solved
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.storage.codecs.packing import decode_points
+from service.storage.codecs.packing import decode_points, encode_document
 from tests.support.waiting import is_alive, wait_until
 from tests.workers.chores import SOURCE
 
@@ -57,6 +57,18 @@ def test_a_chunk_has_the_bits_that_were_computed(pool):
     columns = decode_points(outcome.data)
     assert np.array_equal(columns.numbers["period"], [7.0, 8.0, 9.0])
     assert outcome.source == SOURCE
+
+
+def test_a_share_that_is_told_never_falls_and_is_less_than_1_to_the_end(pool, tmp_path):
+    goes_on = tmp_path / "goes on"
+    document = json.dumps({"shares": [0.25, 0.125, 0.5, 7.0], "goes_on": str(goes_on)})
+    batch = pool.start(JobKind.STUDY, [({}, (document,))], seconds=HOUR, turn_seconds=HOUR)
+    # Shares are written in parts of 256.
+    for number, share in enumerate([0.25, 0.25, 0.5, 255 / 256]):
+        wait_until(lambda share=share: batch.share == share)
+        (tmp_path / f"goes on{number}").touch()
+    assert ended(batch).outcomes() == [JobResult(encode_document({}))]
+    assert batch.share == 255 / 256
 
 
 def test_a_single_call_tells_its_own_fault(pool):

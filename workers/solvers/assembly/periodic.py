@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.accuracy import LARGEST_TOLERANCE
 from service.dynamics.bounds import is_within, largest
-from service.dynamics.motion import COLUMNS, Motion
+from service.dynamics.motion import COLUMNS, Motion, PlaceError
 from service.dynamics.problem import Problem
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
@@ -83,6 +83,8 @@ class Sampled:
     """Where it may vary quickly."""
     kinks: FloatArray = field(default_factory=lambda: np.zeros(0))
     """Times in [0, period) at which a kink of V is passed, growing."""
+    place_error: PlaceError | None = None
+    """Errors of the place of a sample within one period, where they are known apart."""
     asked: SampleTimes | None = None
     """The times at which samples are asked for, if they were computed before."""
 
@@ -146,7 +148,9 @@ def _with_claim(
             dense = replace(dense, error=min(dense.error, error + TRUNCATION_TAILS * _tail(resolved)))
         if left_out:
             dense = replace(dense, error=largest((dense.error, DRAFT_DEFECT_FACTOR * residual.defect)))
-    conventions = conventions_of(start)
+    conventions, off = conventions_of(start), resolved.error + left_out
+    # A claim that had to be raised leaves no other.
+    apart = found.place_error if dense.error == error + left_out else None
     motion = Motion(
         method="quadrature",
         dense=dense,
@@ -165,6 +169,7 @@ def _with_claim(
         evidence=evidence,
         low_parts=low_parts,
         first_passage=float(found.passages[0]) if conventions else None,
+        place_error=None if apart is None else replace(apart, off=apart.off + off),
     )
     return motion, claimed
 

@@ -9,8 +9,6 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 UnsignedArray = NDArray[np.uint64]
 
-SPLIT = 134217729.0
-"""2^27 + 1, Veltkamp's constant for doubles."""
 BLOCK = 1024
 """Times that are worked on together."""
 STRIDE = BLOCK + 8

@@ -15,7 +15,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.bounds import is_within
 from service.dynamics.motion import Motion
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.problem import PlanarMotion, Problem, StartAtEquator
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.window import Arc, Window
 from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place, conventions_of
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 CompiledTier = Literal["draft", "standard", "high"]
 """The tiers that have a kernel."""
-SAME = 1e-6
+SAME_END_CHANGE = 1e-6
 """Departure of g1 at its ends within which two solvers speak of one window."""
-DOUBT = 2.0**-44
+END_DOUBT = 2.0**-44
 """Error of an end of the arc, in v."""
 
 
@@ -75,7 +75,13 @@ class CompiledFamily:
             return Declined(period.error / period.hi)
         error = found.error_at(end)
         evidence: dict[str, float | int | str] = {"compiled": len(found.panels), "rounding": error}
-        sampled = Sampled(found.sample, period, np.zeros(0), error, evidence, found, asked=asked)
+        # Times are counted from the start: the equator is where it is, other starts are rounded.
+        crosses = motion.start is None and place.window.ends[1] == "equator"
+        is_exact = crosses or isinstance(motion.start, StartAtEquator)
+        apart = found.place_error(self.kernel, ends=1 if is_exact else 2)
+        sampled = Sampled(
+            found.sample, period, np.zeros(0), error, evidence, found, place_error=apart, asked=asked
+        )
         return make_periodic(problem, place, sampled)
 
 
@@ -95,7 +101,7 @@ def arc_in_doubles(body: RigidBody, potential: Potential, motion: PlanarMotion) 
 def is_in_window(window: Window, found: "SpectralMotion") -> bool:
     """Tell whether a motion has the ends of the window, and so is the one in it."""
     return found.ends == window.ends and all(
-        abs(one - other) <= SAME for one, other in zip(found.g1, window.g1, strict=True)
+        abs(one - other) <= SAME_END_CHANGE for one, other in zip(found.g1, window.g1, strict=True)
     )
 
 
@@ -105,4 +111,4 @@ def _arc(found: "SpectralMotion", loop: Loop, g3_sign: int) -> Arc:
         base = arb(0) if g3_sign > 0 else -arb.pi()
         return Arc(loop, base, base + 2 * arb.pi(), None, None)
     middle, half = atan2(orbit.s_middle, orbit.c_middle), float(orbit.half_width)
-    return Arc(loop, arb(middle - half, DOUBT), arb(middle + half, DOUBT), "rest", "rest")
+    return Arc(loop, arb(middle - half, END_DOUBT), arb(middle + half, END_DOUBT), "rest", "rest")

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.motion import COLUMNS, Estimate
+from service.dynamics.motion import COLUMNS, Estimate, PlaceError
 from service.dynamics.potentials.potential import Potential
+from service.dynamics.problem import Tier
 from service.dynamics.reduction.window import EndKind
 from service.dynamics.solution.dense_output import EPSILON, Period, turns_lost
 from workers.solvers.assembly.dense import MAX_RELATIVE_FINENESS, ResolvedMotion
@@ -146,6 +147,16 @@ class SpectralMotion:
         """Return the bound of the absolute error of any variable at any of ``times``."""
         latest = max(float(times.max()), -float(times.min())) if len(times) else 0.0
         return float(self.bounds.error_at(latest, self.period.hi, self.period.error))
+
+    def place_error(self, tier: Tier, *, ends: int) -> PlaceError:
+        """Return the errors of γ within a period, as the kernel of a tier bounds them.
+
+        Errors of panels add up to those of times and of the period alike, but in the tier ``high``: wherever
+        a place is, it is late by a part of them.
+        """
+        late = float(self.bounds.time) + (self.period.error if tier == "high" else 0.0)
+        late += EPSILON**2 * self.period.hi
+        return PlaceError(late, ends, float(self.bounds.moved), FORMULA_ULPS * EPSILON)
 
     def _sample(self, times: FloatArray, rests: FloatArray, columns: NDArray[np.int64]) -> FloatArray:
         times = np.ascontiguousarray(times, dtype=np.float64)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
+from service.dynamics.solution.dense_output import UNIT_ROUNDOFF
 from workers.solvers.compiled.evaluation.curve import size_and_c
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Loop, Records
@@ -22,13 +23,12 @@ from workers.solvers.compiled.solve_set import equator_of
 FloatArray = NDArray[np.float64]
 
 NODES, WEIGHTS = legendre.leggauss(16)
-RESOLVED = 2.0**-56
+RESOLVED_CHANGE = 2.0**-56
 """Change of a panel by halving that is small enough, relative to the whole."""
-DEEPEST = 60
+MAX_WAITING = 60
 """Panels that wait: one for each time that one is halved."""
-NARROWEST = 1e-15
-UNIT = 2.0**-53
-ROUNDINGS = 8.0
+NARROWEST_PANEL = 1e-15
+INTEGRAND_ULPS = 8.0
 """Rounding error of the integrand, in 2^-53 of it, where λ and the power of the sine are exact."""
 
 
@@ -46,8 +46,8 @@ def _on_panel(loop: Loop, left: float, right: float) -> tuple[float, float]:
         g2, g3 = c * cosine, z * sine
         value = WEIGHTS[k] * half * (alpha * z * g1 / (c * (g2 * g2 + g3 * g3)))
         total += value
-        error += value * (ROUNDINGS + of_lambda + 2.0 * alpha * abs(math.log(sine)))
-    return total, UNIT * error
+        error += value * (INTEGRAND_ULPS + of_lambda + 2.0 * alpha * abs(math.log(sine)))
+    return total, UNIT_ROUNDOFF * error
 
 
 @kernel
@@ -58,7 +58,7 @@ def advance_of(loops: Records) -> tuple[float, float]:
     """
     loop = loops[0]
     loop.z, loop.g = equator_of(loop.alpha, loop.log_lambda)
-    lefts, rights, values = np.empty(DEEPEST), np.empty(DEEPEST), np.empty(DEEPEST)
+    lefts, rights, values = np.empty(MAX_WAITING), np.empty(MAX_WAITING), np.empty(MAX_WAITING)
     lefts[0], rights[0] = 0.0, 0.5 * math.pi
     values[0], _ = _on_panel(loop, lefts[0], rights[0])
     pending, total, error = 1, 0.0, 0.0
@@ -72,11 +72,11 @@ def advance_of(loops: Records) -> tuple[float, float]:
         change = abs(one + two - values[pending])
         if not change < math.inf:
             return math.nan, math.nan
-        if change <= max(RESOLVED * whole, first + second) or right - left < NARROWEST:
+        if change <= max(RESOLVED_CHANGE * whole, first + second) or right - left < NARROWEST_PANEL:
             total += one + two
             error += change + first + second
             continue
-        if pending + 2 > DEEPEST:
+        if pending + 2 > MAX_WAITING:
             return math.nan, math.nan
         lefts[pending], rights[pending], values[pending] = middle, right, two
         lefts[pending + 1], rights[pending + 1], values[pending + 1] = left, middle, one

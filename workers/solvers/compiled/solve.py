@@ -24,9 +24,9 @@ from workers.solvers.compiled.time_map.series import time_at
 
 FloatArray = NDArray[np.float64]
 
-LASTING = 1e-24
+LASTING_PERIOD_ERROR = 1e-24
 """Relative error of a period that is good for 1e8 periods."""
-KEPT = 8e-14
+KEPT_ERROR = 8e-14
 """Error of a variable within a period that leaves room to what comes with time: ``high`` promises 1e-13."""
 START_ULPS = 8.0
 """Roundings on the way from g1 at the start to the phase there, in 2^-52."""
@@ -90,9 +90,9 @@ def is_kept(bounds: Bounds, period: FloatLike, period_error: FloatLike) -> NDArr
 
     One that has not may have them from exact roots.
     """
-    is_lasting = np.asarray(period_error) <= LASTING * np.asarray(period)
+    is_lasting = np.asarray(period_error) <= LASTING_PERIOD_ERROR * np.asarray(period)
     within = bounds.time * bounds.speed + bounds.moved + bounds.rate * bounds.largest
-    return np.asarray(within <= KEPT) & is_lasting
+    return np.asarray(within <= KEPT_ERROR) & is_lasting
 
 
 def _only_one(potential: Potential, run: BatchResult) -> SpectralMotion | None:
@@ -126,6 +126,7 @@ def solve_rational(
         # Slow next to a separatrix, the motion takes long for the rounding of its start.
         about.time_error += _time_of_one_ulp(run.panels, float(loop.start))
     loop.period_hi, loop.period_lo = period.hi, period.lo
+    about.period, about.period_error = period.hi, period.error
     return period, run
 
 

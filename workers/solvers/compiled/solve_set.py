@@ -47,7 +47,7 @@ def equator_of(alpha: float, log_lambda: float) -> tuple[float, float]:
 @kernel
 def new_formula(code: IntArray, result: int, turn: Instructions, constants: FloatArray) -> Formula:
     """Return a program with its constants, and what it is worked out on."""
-    registers, discs = new_registers(turn.code, 2, POINTS), new_discs(4 + turn.code.shape[0])
+    registers, discs = new_registers(turn.code, 2, POINTS), new_discs(5 + turn.code.shape[0])
     return Formula(code, result, turn, constants, NOTHING, registers, discs, NOTHING)
 
 

@@ -252,12 +252,7 @@ class AngularSeries:
             first = arb_poly([series[k] for k in range(terms)])
             second = first.derivative()
             return _Piece(
-                centre,
-                radius,
-                (first, second, second.derivative()),
-                terms,
-                largest,
-                (error * factor).upper(),
+                centre, radius, (first, second, second.derivative()), terms, largest, (error * factor).upper()
             )
 
     def _bounded(

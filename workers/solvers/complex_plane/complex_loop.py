@@ -24,13 +24,7 @@ from service.dynamics.formula.programs import MANY_EVALUATIONS, Kind, Way
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.geometry.point import (
-    LoopNumbers,
-    bends_of,
-    gamma_of,
-    rates_of,
-    speed_factor,
-)
+from service.dynamics.reduction.geometry.point import LoopNumbers, bends_of, gamma_of, rates_of, speed_factor
 from workers.solvers.complex_plane.angular_part import AngularSeries
 from workers.solvers.complex_plane.questions import BEND, SLOPE, VALUE, PlaneQuestion
 

@@ -22,9 +22,9 @@ from workers.solvers.compiled.evaluation.program import Program, make_program, n
 from workers.solvers.compiled.general.many import solve_pair, solve_pairs
 from workers.solvers.compiled.general.records import Asked, Gradient, Models
 from workers.solvers.compiled.general.run_pair import COLLIDED, NUMBERS, OPEN, VERIFIED
-from workers.solvers.compiled.general.sampling import TOGETHER, values_at
+from workers.solvers.compiled.general.sampling import TIMES_TOGETHER, values_at
 from workers.solvers.compiled.general.series import ORDER, STATE
-from workers.solvers.compiled.general.steps import ARRIVED, CAUTION, TIRED, new_pieces, seen, take_steps
+from workers.solvers.compiled.general.steps import ARRIVED, STEP_SHARE, TIRED, new_pieces, seen, take_steps
 from workers.solvers.compiled.lanes import LANES
 from workers.solvers.compiled.records import Equations
 from workers.solvers.compiled.residual.nodes import in_lanes
@@ -48,6 +48,7 @@ from workers.solvers.integration.interface import (
     Steps,
     collapse,
     neighbour_of,
+    rounded_moments,
     too_many_steps,
 )
 from workers.solvers.integration.programs import shared_gradient
@@ -66,12 +67,6 @@ RADIUS_DOUBT = 1.25
 _NONE, _NO_REFERENCE = np.empty(0), np.zeros(3)
 
 
-def moments_of(body: RigidBody, rounding: Rounding) -> FloatArray:
-    """Return A, B, C, B − C, C − A, A − B; raises MissingMomentError if B was left out."""
-    A, B, C = body.A, body.require_B("integration of the six equations"), body.C
-    return np.array([rounding(each) for each in (A, B, C, B - C, C - A, A - B)])
-
-
 class CompiledIntegrator:
     """The six equations for the kernels."""
 
@@ -87,7 +82,7 @@ class CompiledIntegrator:
     ) -> None:
         """Prepare the operations; raises MissingMomentError, UnsupportedFormulaError."""
         self._body, self._potential, self._rounding = body, potential, rounding
-        self.moments = moments_of(body, rounding)
+        self.moments = rounded_moments(body, rounding)
         self.gradient = _gradient_program(potential, rounding)
 
     @cached_property
@@ -162,13 +157,7 @@ class CompiledIntegrator:
         return bool(is_kept)
 
     def steps(
-        self,
-        state: FloatArray,
-        end: float,
-        *,
-        local_tolerance: float,
-        max_steps: int,
-        longest: float = inf,
+        self, state: FloatArray, end: float, *, local_tolerance: float, max_steps: int, longest: float = inf
     ) -> tuple[int, FloatArray, FloatArray]:
         """Return how the kernel's run ends, its breaks and its series."""
         statuses, counts, breaks, pieces, _ = take_steps(
@@ -302,16 +291,12 @@ def _tail_of(local_tolerance: float) -> float:
     That is read off the largest variable: that of one of 1e-7 times its size may be half as large, which is
     within the safety by which all growth is multiplied.
     """
-    x: float = min(0.75, RADIUS_DOUBT * CAUTION * local_tolerance ** (1.0 / (ORDER + 1)))
+    x: float = min(0.75, RADIUS_DOUBT * STEP_SHARE * local_tolerance ** (1.0 / (ORDER + 1)))
     return x / (1.0 - x)
 
 
 def verified_run(
-    integrator: CompiledIntegrator,
-    state: FloatArray,
-    neighbour: FloatArray,
-    check: FloatArray,
-    asked: Asked,
+    integrator: CompiledIntegrator, state: FloatArray, neighbour: FloatArray, check: FloatArray, asked: Asked
 ) -> VerifiedRun | IntegrationError | float | None:
     """Return what :func:`.run_pair.run_pair` finds where all is settled by kernels; None where not.
 
@@ -357,7 +342,7 @@ def verified_runs(
 
     ``which`` has the models of the motions; the states have the shape (n, 6).
     """
-    count, rows = len(states), -(-len(times) // TOGETHER) * TOGETHER
+    count, rows = len(states), -(-len(times) // TIMES_TOGETHER) * TIMES_TOGETHER
     endings, numbers = np.full(count, OPEN), np.full((count, NUMBERS), np.nan)
     samples = np.empty((count, rows, LANES))
     solve_pairs(
@@ -378,7 +363,7 @@ def verified_runs(
 
 def samples_of(verified: VerifiedRun, times: FloatArray, low_parts: FloatArray | None) -> FloatArray:
     """Return the six variables at the times, shape (n, 6): what the dense output has there."""
-    values = np.empty((-(-len(times) // TOGETHER) * TOGETHER, LANES))
+    values = np.empty((-(-len(times) // TIMES_TOGETHER) * TIMES_TOGETHER, LANES))
     series = in_lanes(verified.coefficients)
     low = _NONE if low_parts is None else low_parts
     values_at(verified.breaks, series, series.shape[1], times, low, values)

@@ -4,6 +4,7 @@ Needs nothing that is not everywhere. Its continuous extension is a polynomial o
 degree 7 on each step, so eight values carry all of it.
 """
 
+import operator
 from math import inf
 
 import numpy as np
@@ -11,16 +12,17 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from service.dynamics.body import RigidBody
+from service.dynamics.equations.euler_poisson import FourOperations, rates_in
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.integration.errors import IntegrationError, UndefinedStartError
 from workers.solvers.integration.interface import (
-    Moments,
     Rounding,
     Run,
     collapse,
     neighbour_of,
+    rounded_moments,
     step_has_collapsed,
     too_many_steps,
 )
@@ -28,6 +30,7 @@ from workers.solvers.integration.programs import GradientFunction, gradient_func
 
 FloatArray = NDArray[np.float64]
 
+_rates = rates_in(FourOperations(operator.add, operator.sub, operator.mul, operator.truediv))
 _PIECE_DEGREE = 7
 _PIECE_POINTS = 0.5 * (1.0 + chebyshev_points(_PIECE_DEGREE))
 
@@ -45,7 +48,7 @@ class Dop853Integrator:
     def __init__(self, body: RigidBody, potential: Potential, rounding: Rounding = nearest_double) -> None:
         """Prepare the right-hand sides; raises MissingMomentError."""
         self._body, self._potential = body, potential
-        self._moments = Moments.of(body, rounding)
+        self._moments = rounded_moments(body, rounding).tolist()
         # A potential given by an integral has no program: its own gradient, to some ulp, serves both runs.
         self._gradient: GradientFunction = (
             gradient_function(potential.tape, rounding)
@@ -104,16 +107,4 @@ class Dop853Integrator:
         return np.array(self._gradient(*state[3:].tolist()))
 
     def _derivative(self, _time: float, state: FloatArray) -> FloatArray:
-        p, q, r, g1, g2, g3 = state.tolist()
-        V1, V2, V3 = self._gradient(g1, g2, g3)
-        A, B, C = self._moments.A, self._moments.B, self._moments.C
-        return np.array(
-            [
-                ((B - C) * q * r + g2 * V3 - g3 * V2) / A,
-                ((C - A) * p * r + g3 * V1 - g1 * V3) / B,
-                ((A - B) * p * q + g1 * V2 - g2 * V1) / C,
-                r * g2 - q * g3,
-                p * g3 - r * g1,
-                q * g1 - p * g2,
-            ]
-        )
+        return np.array(_rates(self._moments, state.tolist(), self._gradient(*state[3:].tolist())))

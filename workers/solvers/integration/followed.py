@@ -19,13 +19,7 @@ from service.dynamics.defect.evidence import STATE_RELATIVE_ROUNDING
 from service.dynamics.defect.unresolved import hides_something
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.integration.errors import StepCollapseError
-from workers.solvers.integration.interface import (
-    Integrator,
-    Run,
-    joined,
-    stacked,
-    too_many_steps,
-)
+from workers.solvers.integration.interface import Integrator, Run, joined, stacked, too_many_steps
 
 FloatArray = NDArray[np.float64]
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.equations.euler_poisson import moments_of
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.dense_output import DenseOutput
@@ -29,19 +30,10 @@ Rounding = Callable[[Fraction], float]
 """How exact constants become doubles: to the nearest one, or to :func:`neighbour_of` it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Moments:
-    """The principal moments as doubles."""
-
-    A: float
-    B: float
-    C: float
-
-    @staticmethod
-    def of(body: RigidBody, rounding: "Rounding") -> "Moments":
-        """Return the moments of ``body``; raises MissingMomentError if B was left out."""
-        B = body.require_B("integration of the six equations")
-        return Moments(rounding(body.A), rounding(B), rounding(body.C))
+def rounded_moments(body: RigidBody, rounding: Rounding) -> FloatArray:
+    """Return A, B, C, B − C, C − A, A − B as doubles; raises MissingMomentError if B was left out."""
+    body.require_B("integration of the six equations")
+    return np.array([rounding(each) for each in moments_of(body)])
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,7 +51,7 @@ COARSE_DEFECT_RATIO = 8.0
 """Times as much defect may the coarser run leave at a kink. With the same for both they err alike there, and
 their difference does not show it; like this it shows seven times what the finer one leaves."""
 EXPONENTIAL_ORDER = 9
-"""Order of the series of the exponential: see :data:`workers.solvers.compiled.general.growth.LONGEST`."""
+"""Order of the exponential's series: see :data:`workers.solvers.compiled.general.growth.LONGEST_NORM`."""
 RESIDUAL_NODES = 8
 """Nodes of Gauss, at least, at which d is taken in a part of a piece; more where its degree is higher."""
 RESIDUAL_ORDER = 4
@@ -260,13 +260,13 @@ def errors_on_the_way(
         apart = _distances(series)
         middle = _derivatives(equations, series, apart, np.zeros((len(series), 1)))[1][:, 0]
         norms = np.abs(middle).sum(axis=1).max(axis=1)
-        needed = np.abs(times) * norms / growth.LONGEST
+        needed = np.abs(times) * norms / growth.LONGEST_NORM
         parts = np.where(needed < np.inf, np.clip(np.ceil(needed), 1.0, growth.MOST_PARTS), 1.0).astype(int)
         piece = np.repeat(np.arange(len(series)), parts)
         first = np.cumsum(parts) - parts
         half = (1.0 / parts)[piece]
         centre = (2.0 * (np.arange(len(piece)) - first[piece]) + 1.0) * half - 1.0
-        nodes = centre[:, None] + half[:, None] * growth.OUTWARDS * np.array([-1.0, 0.0, 1.0])
+        nodes = centre[:, None] + half[:, None] * growth.OUTER_NODE * np.array([-1.0, 0.0, 1.0])
         states, jacobians = _derivatives(equations, series[piece], apart[piece], nodes)
         lost = (np.abs(jacobians[:, 1]) * np.abs(states[:, 1, None])).sum(axis=2)
         lost[:, :3] += _halves_of_torque(equations, states[:, 1, 3:]) / equations.moments
@@ -331,7 +331,7 @@ def _residuals(
     to_the_end = lengths[:, None] * (1.0 - x)
     # J through its three nodes, and its mean from x to the end.
     first, second, third = (jacobians[:, k, None] for k in range(3))
-    slope, bend = (third - first) / (2.0 * growth.OUTWARDS), (first - 2.0 * second + third) / 1.2
+    slope, bend = (third - first) / (2.0 * growth.OUTER_NODE), (first - 2.0 * second + third) / 1.2
     to_1 = x[:, None, None]
     mean = second + slope * (0.5 * (1.0 + to_1)) + bend * ((1.0 + to_1 + to_1 * to_1) / 3.0)
     carried, term = left, left
@@ -391,13 +391,14 @@ def _transitions(nodes: FloatArray, times: FloatArray) -> FloatArray:
 
 def _distances(series: FloatArray) -> FloatArray:
     """Return half the distances of the states whose rates are compared, shape (pieces, 6)."""
-    from workers.solvers.compiled.general.growth import APART, FARTHEST, NEAREST  # noqa: PLC0415
+    from workers.solvers.compiled.general import growth  # noqa: PLC0415
 
     way = np.abs(series[:, 1:]).sum(axis=1)
     reach = way + np.abs(series[:, 0])
     turn, goes, reach = reach[:, :3].max(axis=1), way[:, 3:].max(axis=1), reach[:, 3:].max(axis=1)
-    by_turn = APART * np.where(turn > 0.0, turn, 1.0)
-    by_way = np.minimum(np.maximum(APART * goes, NEAREST * reach), FARTHEST * reach)
+    by_turn = growth.DIFFERENCE_SHARE * np.where(turn > 0.0, turn, 1.0)
+    nearest, farthest = growth.LEAST_DIFFERENCE * reach, growth.LARGEST_DIFFERENCE * reach
+    by_way = np.minimum(np.maximum(growth.DIFFERENCE_SHARE * goes, nearest), farthest)
     return np.repeat(np.stack([by_turn, by_way], axis=1), 3, axis=1)
 
 

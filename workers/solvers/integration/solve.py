@@ -19,10 +19,7 @@ from service.dynamics.sampling import sample_times
 from service.dynamics.solution.dense_output import DenseOutput
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.evidence import COVERED, DEFECT, DRIFT, with_claim_raised
-from workers.solvers.integration.errors import (
-    IntegrationError,
-    UnsupportedFormulaError,
-)
+from workers.solvers.integration.errors import IntegrationError, UnsupportedFormulaError
 from workers.solvers.integration.interface import Integrator, Steps, neighbour_of
 from workers.solvers.integration.run_pair import SHARED_RELATIVE_ROUNDING, RunPair, Span, run_pair
 from workers.solvers.ways import is_plain
@@ -112,13 +109,7 @@ def integrate_state(
         if verified is not None:
             return _verified_motion(verified, times, low_parts, local_tolerance / chosen.tightening)
         pair = run_pair(
-            chosen,
-            equations,
-            state,
-            neighbour,
-            span,
-            local_tolerance=local_tolerance,
-            max_steps=MAX_STEPS,
+            chosen, equations, state, neighbour, span, local_tolerance=local_tolerance, max_steps=MAX_STEPS
         )
         if pair.ending is not None:
             raise pair.ending

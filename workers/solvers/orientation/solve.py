@@ -14,7 +14,8 @@ the curve: with Q = A g1² + C g3²
 
 So an angle is wrong by what the series and ∫ f dg2 along the computed path differ by, which is seen; by what
 the path's distance d from the curve does to that integral, ∫ d (|∇f||dg2| + |df|), d being seen too; and by
-ε |dψ| over the largest component of |dg|, at both ends. The quaternion is that of ψ1 and g, as far as it is
+ε |dψ| over the largest component of |dg|, at both ends; errors of times, where they are known apart, move it
+by |dψ/dt| times them, and ε is what is left. The quaternion is that of ψ1 and g, as far as it is
 seen to be. What is seen is seen at twice as many points as the series have nodes: of
 the bound that is a measurement, not a theorem.
 
@@ -42,7 +43,7 @@ from service.dynamics.equations.orientation import (
     orientation_columns,
     quaternion_product,
 )
-from service.dynamics.motion import COLUMNS, Motion
+from service.dynamics.motion import COLUMNS, Motion, PlaceError
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.solution.dense_output import (
     EPSILON,
@@ -71,6 +72,8 @@ RATE_RELATIVE_ROUNDING = 4.0 * EPSILON
 """Rounding error of a rate, relative to its terms; and of a product of quaternions."""
 CUT_RELATIVE_ROUNDING = 8.0 * EPSILON
 """Rounding error of the six variables on a part of a piece, relative to the sum of their coefficients."""
+SLOWEST = float(np.finfo(np.float64).tiny)
+"""Rates below it are none."""
 UNSEEN_FACTOR = 2.0
 """Factor for the places between the points that are looked at."""
 
@@ -116,7 +119,10 @@ def with_orientation(
     advances = _advances(motion, dense, advances_of)
     dense = replace(dense, advances={name: a for name, a in advances.items() if a != Advance()})
     loop = None if motion.window is None else motion.window.arcs[0].loop
-    bounds = _errors(dense, names, pieces, advances, loop)
+    place = motion.place_error or PlaceError(off=motion.dense.error)
+    # Pieces that were cut have a rounding more.
+    place = replace(place, off=place.off + dense.error - motion.dense.error)
+    bounds = _errors(dense, names, pieces, advances, None if loop is None else (loop, place))
     if equations is not None and LOCAL_TOLERANCE in motion.evidence:
         carried = _carried(equations, dense, names, pieces, float(motion.evidence[LOCAL_TOLERANCE]))
         # NaN, where the equations tell nothing, is no bound.
@@ -212,7 +218,7 @@ def _errors(
     names: tuple[str, ...],
     pieces: Pieces,
     advances: dict[str, Advance],
-    loop: Loop | None,
+    curve: tuple[Loop, PlaceError] | None,
 ) -> FloatArray:
     """Return the bounds within the breaks of the quaternion and the angles; see the head of the module."""
     span = float(dense.breaks[-1] - dense.breaks[0])
@@ -220,9 +226,9 @@ def _errors(
     bounds: FloatArray = (dense.error + RATE_RELATIVE_ROUNDING) * weights + 2.0 * pieces.tails.sum(axis=0)
     bounds += RATE_RELATIVE_ROUNDING * math.sqrt(len(pieces.parent))
     bounds[0] += RATE_RELATIVE_ROUNDING / _tilt_at_zero(dense)
-    if loop is not None and names == tuple(AXES):
+    if curve is not None and names == tuple(AXES):
         # NaN, where the curve tells nothing, is no bound.
-        bounds = np.fmin(bounds, _along_the_curve(dense, loop))
+        bounds = np.fmin(bounds, _along_the_curve(dense, *curve))
     if dense.period is not None:
         bounds += _defects(dense, names, advances)
     return bounds
@@ -285,14 +291,17 @@ def _tilt_at_zero(dense: DenseOutput) -> float:
 
 
 @np.errstate(all="ignore")
-def _along_the_curve(dense: DenseOutput, loop: Loop) -> FloatArray:
+def _along_the_curve(dense: DenseOutput, loop: Loop, place: PlaceError) -> FloatArray:
     """Return the bounds of the quaternion and of both angles by the place; see the head of the module."""
     degree = dense.coefficients.shape[1] - 1
     points = chebyshev_points(2 * degree)
     values = chebyshev.chebvander(points, degree) @ dense.coefficients
-    slope = (
-        chebyshev.chebder(dense.coefficients[:, :, 4], axis=1) @ chebyshev.chebvander(points, degree - 1).T
-    )
+    series = chebyshev.chebder(dense.coefficients[:, :, : len(COLUMNS)], axis=1)
+    slopes = chebyshev.chebvander(points, degree - 1) @ series
+    slope, fastest = slopes[:, :, 4], np.abs(slopes).max(axis=2)
+    # As parts of half a piece.
+    late = place.late * 2.0 / np.diff(dense.breaks)[:, None]
+    besides = place.moved / np.maximum(fastest, SLOWEST)
     integration = _integration(2 * degree)
     g1, g2, g3 = np.moveaxis(values[:, :, 3:6], -1, 0)
     off = _distances(loop, g1, g2, g3)
@@ -322,7 +331,8 @@ def _along_the_curve(dense: DenseOutput, loop: Loop) -> FloatArray:
         reach = float(np.nanmax(np.abs(both) / (square * widest)))
         bounds.append(
             UNSEEN_FACTOR * (seen + moved)
-            + 2.0 * reach * dense.error
+            + 2.0 * reach * place.off
+            + float((np.abs(f * slope) * (place.ends * late + 2.0 * besides)).max())
             + RATE_RELATIVE_ROUNDING * float(np.abs(psi).max())
         )
     psi1, lean = values[:, :, dense.columns.index("psi1")], np.sqrt(g2 * g2 + g3 * g3)
@@ -333,7 +343,8 @@ def _along_the_curve(dense: DenseOutput, loop: Loop) -> FloatArray:
     row = (2.0 * (q1 * q3 - q0 * q2), 2.0 * (q2 * q3 + q0 * q1), q0 * q0 - q1 * q1 - q2 * q2 + q3 * q3)
     tilted = np.sqrt(sum((there - g) ** 2 for there, g in zip(row, (g1, g2, g3), strict=True)))
     seen = float(((np.abs(turned) + tilted) / lean).max())
-    tilt = math.sqrt(3.0) * dense.error / float(lean.min())
+    moved = np.linalg.norm(slopes[:, :, 3:6], axis=2) * (late + besides) + math.sqrt(3.0) * place.off
+    tilt = float((moved / lean).max())
     return np.array([0.5 * (bounds[0] + tilt + UNSEEN_FACTOR * seen) + RATE_RELATIVE_ROUNDING, *bounds])
 
 

@@ -102,6 +102,7 @@ class ComplexRadicand:
         power, first, square = (arb(0).union(size**exponent) for exponent in (alpha - 1, alpha, 2 * alpha))
         c_squared = Z * Z + G * G * (1 - square) / (cosine * cosine)
         curve = LoopNumbers(loop.g1_sign * G, Z, alpha, alpha - 1, A, C, loop.mirrored)
+        # Not by its sine: g1 keeps its sign at the pole, which a product of balls about 0 does not tell.
         g1, g2, g3 = curve.first * first, c_squared.sqrt() * cosine, Z * sine
         gamma = (g3, g2, g1) if loop.mirrored else (g1, g2, g3)
         N = self.both.h - self.both.tape.evaluate(_WhereDefined(), gamma)

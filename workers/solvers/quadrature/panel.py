@@ -211,11 +211,7 @@ def _weights(degree: int, cosines: Sequence[arb]) -> tuple[arb, ...]:
 
 
 def _values(
-    rate: Callable[[arb], arb],
-    limit: Callable[[arb], arb | None],
-    left: float,
-    right: float,
-    degree: int,
+    rate: Callable[[arb], arb], limit: Callable[[arb], arb | None], left: float, right: float, degree: int
 ) -> list[arb]:
     middle, half = (arb(left) + arb(right)) / 2, (arb(right) - arb(left)) / 2
     phases = [arb.pi() * (middle + half * x) for x in _rule(degree, ctx.prec).points]

@@ -47,9 +47,9 @@ WIDER, TINY = 1.25, 2.0**-200
 """A ball in which a zero is looked for is so much wider than what the last one suggests."""
 
 UNKNOWN = acb(arb.nan())
-_ALGEBRA = ComplexBallAlgebra(analytic=True)
-_JETS = FirstOrderJets(_ALGEBRA, 1)
-_BENDS = SecondOrderJets(_ALGEBRA, 1)
+ALGEBRA = ComplexBallAlgebra(analytic=True)
+_JETS = FirstOrderJets(ALGEBRA, 1)
+_BENDS = SecondOrderJets(ALGEBRA, 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class FamilyCurve:
         self.parameters = tuple(self.numbers[k] for k in family.extra)
 
     def _number(self, slot: Slot) -> acb:
-        return self.numbers[slot] if isinstance(slot, int) else _ALGEBRA.constant(slot)
+        return self.numbers[slot] if isinstance(slot, int) else ALGEBRA.constant(slot)
 
     def _equator(self, log_lambda: acb) -> tuple[acb, acb, acb, acb]:
         """Return Z, G, and the derivatives of log Z by log λ and by α, from Z² + (Z/λ)^{2α} = 1."""
@@ -169,7 +169,7 @@ class FamilyCurve:
     def N(self, v: acb, at: CurvePlace[acb] | None = None) -> acb:
         """Return h − V; about the middle of the numbers, if these are wide."""
         at = self.place(v) if at is None else at
-        plain = self.h - self.family.tape.evaluate(_ALGEBRA, (*gamma_of(self._curve, at), *self.parameters))
+        plain = self.h - self.family.tape.evaluate(ALGEBRA, (*gamma_of(self._curve, at), *self.parameters))
         if self._middle is None:
             return plain
         jets, beside = self._jets, [self._numbers[k] for k in self.family.extra]
@@ -211,7 +211,7 @@ class FamilyCurve:
 
     @cached_property
     def _jets(self) -> FirstOrderJets[acb]:
-        return FirstOrderJets(_ALGEBRA, len(self.numbers))
+        return FirstOrderJets(ALGEBRA, len(self.numbers))
 
     @cached_property
     def _numbers(self) -> tuple[Jet[acb], ...]:
@@ -239,7 +239,10 @@ class FamilyCurve:
         return alpha, Z, jets.seed(self.G, [-self.Z * self.Z / self.G * rate for rate in rates])
 
     def _gamma_jets(self, v: acb) -> tuple[Jet[acb], Jet[acb], Jet[acb]]:
-        """Return g1, g2, g3 with their derivatives by the numbers, at a place that stays."""
+        """Return g1, g2, g3 with their derivatives by the numbers, at a place that stays.
+
+        It is :func:`.point.gamma_of` over jets, in which Z, G, α and c depend on the numbers.
+        """
         jets, none = self._jets, [None] * len(self.numbers)
         alpha, Z, G = self._curve_jets
         sine, cosine = v.sin_cos()

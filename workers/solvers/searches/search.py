@@ -12,6 +12,7 @@ from typing import Literal
 
 from flint import arb, ctx
 
+from service.dynamics.discovery.outcomes import Tell, untold
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import PlanarMotion, Problem, Start, StartAtEquator, StartAtPoint
@@ -35,7 +36,14 @@ from workers.solvers.searches.model import (
     period_model,
     precession_model,
 )
-from workers.solvers.searches.structure import Box, halves, joined
+from workers.solvers.searches.structure import (
+    Box,
+    halves,
+    is_analytic_at_poles,
+    joined,
+    share_of,
+    windows_stay,
+)
 
 Of = Literal["period", "energy", "precession.psi1", "precession.psi3"]
 
@@ -63,10 +71,12 @@ class Target:
 
 @dataclass(frozen=True, slots=True)
 class FoundNumbers:
-    """Enclosures of the unknowns, among which there is exactly one solution of this window."""
+    """Enclosures of the unknowns, among which there is a solution of this window, and how that is known."""
 
     values: tuple[arb, ...]
     window: int
+    proof: Literal["proved", "possible"] = "proved"
+    """A solution that a search of boxes has proved is the only one among them."""
 
     def is_same(self, other: "FoundNumbers") -> bool:
         """Whether both enclose one solution: that of boxes side by side."""
@@ -94,6 +104,8 @@ class FamilySearch:
     """The number of windows on the whole box, where that is proved."""
     is_even: bool = True
     """V is even in g2 for all numbers, or for none that are met: mirror images are one window."""
+    tell: Tell = untold
+    """Is told the share of the box that is settled, or given up."""
 
     @property
     def needs_period(self) -> bool:
@@ -115,6 +127,29 @@ class FamilySearch:
             found = ()
         return [(each, arc) for each in found for arc in (each.arcs[:1] if self.is_even else each.arcs)]
 
+    def motions_stay(self, box: Box) -> bool:
+        """Whether the motions at both ends of an interval are proved to go over into each other.
+
+        Each window stays then, with its number, and V is analytic wherever its motion goes: what depends on
+        the motion and on derivatives of V is continuous.
+        """
+        with ctx.workprec(SEARCH_BITS):
+            if not windows_stay(self.family, box):
+                return False
+            try:
+                ends = [self.arcs_at(end) for end in zip(*box, strict=True)]
+            except DynamicsError:
+                return False
+            # Windows neither meet nor pass a pole, so that their order along the curve stays: their numbers,
+            # which go by the largest |g1|, need not.
+            first, last = ([window.index for window, _ in sorted(end, key=_place)] for end in ends)
+            goes_round = any(arc.is_whole_loop or passes_pole(arc) for _, arc in ends[0])
+            return first == last and (not goes_round or is_analytic_at_poles(self.family, box))
+
+
+def _place(found: tuple[ReducedWindow, Arc]) -> float:
+    return float(found[1].lower.mid())
+
 
 def search(question: FamilySearch, whole: Box) -> SearchResult:
     """Return the solutions in a box."""
@@ -129,16 +164,18 @@ class _Search:
         self._undecided: list[Box] = []
 
     def found(self) -> SearchResult:
-        waiting = [self._whole]
+        waiting, done = [self._whole], 0.0
         while waiting:
             box = waiting.pop()
             if self._question.is_late():
                 self._undecided.append(box)
             elif not self._is_settled(box):
-                if self._is_narrow(box):
-                    self._undecided.append(box)
-                else:
+                if not self._is_narrow(box):
                     waiting += halves(box, self._whole)
+                    continue
+                self._undecided.append(box)
+            done += share_of(box, self._whole)
+            self._question.tell(done)
         ordered = sorted(self._solutions, key=lambda each: float(each.values[0].mid()))
         return SearchResult(tuple(ordered), tuple(joined(self._undecided)))
 

@@ -7,6 +7,7 @@ V may grow without bound: there N is bounded by intervals, whose powers of sin v
 
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from math import prod
 
 import numpy as np
 from flint import acb, arb
@@ -16,7 +17,7 @@ from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.interval_bounds import outwards
 from service.dynamics.formula.algebras.intervals import Interval, IntervalAlgebra
 from workers.solvers.certified.errors import PrecisionNeededError
-from workers.solvers.searches.family import FamilyCurve, ProblemFamily
+from workers.solvers.searches.family import ALGEBRA, FamilyCurve, ProblemFamily
 
 FloatArray = NDArray[np.float64]
 Box = tuple[tuple[Fraction, Fraction], ...]
@@ -27,6 +28,12 @@ CELLS, MOST_CELLS = (16, 64), 2048
 DEEPEST = {1: 18, 2: 10}
 """Number of times that a box of one or two unknowns is cut to find where its windows stay."""
 _ONE = Fraction(1)
+
+
+def share_of(box: Box, whole: Box) -> float:
+    """Return the volume of a box in parts of the whole."""
+    sides = ((high - low) / (top - bottom) for (low, high), (bottom, top) in zip(box, whole, strict=True))
+    return float(prod(sides))
 
 
 def halves(box: Box, whole: Box) -> list[Box]:
@@ -75,6 +82,19 @@ def windows_stay(family: ProblemFamily, box: Box) -> bool:
         return all(any(_has_simple_zeros(curve, cells) for cells in CELLS) for curve in curves)
     except PrecisionNeededError:
         return False
+
+
+def is_analytic_at_poles(family: ProblemFamily, box: Box) -> bool:
+    """Whether it is proved that V is analytic about both poles, for all numbers of a box."""
+    numbers = [ball(low).union(ball(high)) for low, high in box]
+    near = (arb.pi() / CELLS[0]).sin().upper()
+    beside = acb(arb(0, near))
+    for pole in (1, -1):
+        height = acb(pole * (1 - 2 * near * near).union(arb(1)))
+        parameters = [acb(numbers[k]) for k in family.extra]
+        if not family.tape.evaluate(ALGEBRA, (beside, height, beside, *parameters)).is_finite():
+            return False
+    return True
 
 
 def _has_simple_zeros(curve: FamilyCurve, cells: int) -> bool:

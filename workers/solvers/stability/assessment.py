@@ -182,6 +182,8 @@ class Stability:
     trusted_time: float | None
     """How long an integration in doubles keeps the transverse error below the tolerance, see
     :func:`trusted_time`; None if for a million periods."""
+    trusted_time_proof: Proof = "estimate"
+    """``theorem``: a rounding at the beginning of every period keeps it, by the equations of variation."""
     enclosed: arb | None = None
     """The trace, if it is proven."""
 

@@ -146,32 +146,45 @@ def coefficients_of(
         tree = parse(str(document.get("expression")))
         if degree_in(tree, set(names)) <= 1:
             return plain
-        document_parameters = document.get("parameters")
-        parameters = dict(document_parameters) if isinstance(document_parameters, dict) else {}
-        fixed = {
-            name: as_fmpq(exact_number(value)) for name, value in parameters.items() if name not in names
-        }
-        split = SplitParameters(names, {*parameters, *names})
-        linear = format_tree(fold_tree(tree, split.build)[0])
+        linear, made, parts, _ = split_formula(document, tree, names)
     except (FormulaError, ValueError):
         return None
-    made = split.names()
-    kept = {name: value for name, value in parameters.items() if name not in names}
-    linear_document = {**document, "expression": linear, "parameters": {**kept, **dict.fromkeys(made, 1)}}
-    coefficients = Coefficients(
-        linear_document, tuple(("parameters", name) for name in made), parts_of(split.parts, names, fixed)
-    )
+    coefficients = Coefficients(linear, tuple(("parameters", name) for name in made), parts)
     values = coefficients.at([as_fmpq(number) for number in first])
     if values is None:
         return None
     shown = dict(zip(coefficients.paths, map(str, values), strict=True))
     own = dict(zip(paths, map(str, first), strict=True))
     try:
-        compiled = potential_of(with_values(linear_document, dict(shown)), body).tape
+        compiled = potential_of(with_values(linear, dict(shown)), body).tape
         is_same = compiled == potential_of(with_values(document, dict(own)), body).tape
     except (DynamicsError, ValueError):
         return None
     return coefficients if is_same else None
+
+
+def split_formula(
+    document: Mapping[str, object],
+    tree: Tree,
+    names: Sequence[str],
+    moving: Sequence[str] = (),
+    moments: Sequence[str] = (),
+) -> tuple[dict[str, object], tuple[str, ...], ExactParts, list[Tree]]:
+    """Return a formula with a parameter for each of its largest parts of which one of ``names`` varies.
+
+    So do the ``moving`` ones of the ``moments``. Return the names of these parameters, what makes them of
+    ``names`` and ``moments``, and the parts too. Raises what reading numbers raises.
+    """
+    stated = document.get("parameters")
+    kept = dict(stated) if isinstance(stated, dict) else {}
+    split = SplitParameters((*names, *moving), {*kept, *names, *moments})
+    holed = format_tree(fold_tree(tree, split.build)[0])
+    kept = {name: value for name, value in kept.items() if name not in names}
+    fixed = {name: as_fmpq(exact_number(value)) for name, value in kept.items()}
+    made = tuple(split.names())
+    parameters = {**kept, **dict.fromkeys(made, 1)}
+    parts = parts_of(split.parts, (*names, *moments), fixed)
+    return {**document, "expression": holed, "parameters": parameters}, made, parts, split.parts
 
 
 class SplitParameters:

@@ -20,15 +20,13 @@ from service.dynamics.potentials.terms.laurent import Laurent
 from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import Period
-from workers.solvers.compiled.batch import NO_TIMES, BatchResult, bounds_of
+from workers.solvers.compiled.batch import NO_TIMES, BatchResult
 from workers.solvers.compiled.frame import Frame, make_frame
 from workers.solvers.compiled.rational.roots import Radicand, curve_of, expansion_of, radicand_of
-from workers.solvers.compiled.records import FOUND, Records, copied, new_records
+from workers.solvers.compiled.records import copied
 from workers.solvers.compiled.solve import solve_rational
-from workers.solvers.compiled.time_map.sampling import sample_one
-from workers.solvers.compiled.workspace import WORKSPACE
 from workers.sweeping.parameters.family import SweepFamily
-from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, pass_a_pole
+from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, solve_one_by_one
 
 FloatArray = NDArray[np.float64]
 
@@ -69,10 +67,7 @@ def rational_family(body: RigidBody, family: SweepFamily, motion: PlanarMotion) 
         return None
     origin, *units = known
     return RationalFamily(
-        body,
-        motion,
-        origin,
-        tuple(weighted_sum(((fmpq(1), unit), (fmpq(-1), origin))) for unit in units),
+        body, motion, origin, tuple(weighted_sum(((fmpq(1), unit), (fmpq(-1), origin))) for unit in units)
     )
 
 
@@ -90,71 +85,21 @@ def sweep_by_roots(
     """
     frame = make_frame(family.body, family.motion)
     assert frame is not None
-    loops = frame.loops(logarithms_of(lambdas_squared))
-    results = _Found(loops, sampling)
-    for n, (row, square) in enumerate(zip(rows, lambdas_squared, strict=True)):
-        motion = family.at(square, None if starts is None else starts[n])
+    loops, time = frame.loops(logarithms_of(lambdas_squared)), sampling.time
+    in_periods = isinstance(time, TimePeriods)
+    shared = sample_times(time, None) if sampling.has_times and not in_periods else NO_TIMES
+
+    def solve(n: int) -> BatchResult | None:
+        motion = family.at(lambdas_squared[n], None if starts is None else starts[n])
         nu = curve_of(family.body, motion)
-        radicand = None if nu is None else family.radicand(row, nu)
+        radicand = None if nu is None else family.radicand(rows[n], nu)
         if radicand is None:
-            continue
+            return None
         solved = solve_rational(radicand, motion, Frame(copied(loops[n : n + 1])))
-        if solved is not None:
-            results.add(n, *solved)
-    return results.result()
+        return None if solved is None else solved[1]
 
+    def asked(_: int, period: Period) -> SampleTimes:
+        return sample_times(time, period) if in_periods else shared
 
-class _Found:
-    """The results for the motions, filled in one by one."""
-
-    def __init__(self, loops: Records, sampling: Sampling) -> None:
-        sets = len(loops)
-        self._loops, self._about, self._workspace = (
-            copied(loops),
-            new_records(FOUND, sets),
-            new_records(WORKSPACE),
-        )
-        self._about["panels"] = 0
-        self._sampling = sampling
-        is_shared = sampling.has_times and not isinstance(sampling.time, TimePeriods)
-        self._shared = sample_times(sampling.time, None) if is_shared else NO_TIMES
-        count = sampling.time.samples if isinstance(sampling.time, TimePeriods) else len(self._shared.doubles)
-        self._times = np.full((sets, count), np.nan)
-        self._samples = np.full((sets, count if sampling.has_times else 0, len(sampling.columns)), np.nan)
-        self._periods, self._lows, self._uncertain, self._latest = np.full((4, sets), np.nan)
-
-    def add(self, n: int, period: Period, run: BatchResult) -> None:
-        """Fill in one motion, and sample it."""
-        self._loops[n], self._about[n] = run.loops[0], run.found[0]
-        self._periods[n], self._lows[n], self._uncertain[n] = period.hi, abs(period.lo), period.error
-        if not self._sampling.has_times:
-            self._latest[n] = period.hi
-            return
-        times = self._asked(period)
-        self._times[n], self._latest[n] = times.doubles, np.abs(times.doubles).max()
-        columns = self._sampling.columns
-        if len(columns):
-            rows = self._samples[n]
-            sample_one(run.loops, run.panels, times.doubles, times.low_parts, columns, self._workspace, rows)
-
-    def result(self) -> BlockResult:
-        """Return all of them."""
-        bounds = bounds_of(self._about)
-        errors = bounds.error_at(self._latest, self._periods, self._uncertain)
-        is_solved = (self._about["panels"] > 0) & ~np.isnan(errors)
-        return BlockResult(
-            self._periods,
-            # What the second double of the period says is left out of the first.
-            self._lows + self._uncertain,
-            np.where(is_solved, errors, np.inf),
-            self._times,
-            self._samples,
-            pass_a_pole(self._loops, self._about),
-            is_solved,
-            None,
-            self._about["largest"],
-        )
-
-    def _asked(self, period: Period) -> SampleTimes:
-        time = self._sampling.time
-        return sample_times(time, period) if isinstance(time, TimePeriods) else self._shared
+    count = time.samples if isinstance(time, TimePeriods) else len(shared.doubles)
+    return solve_one_by_one(loops, sampling.columns, solve, asked, count if sampling.has_times else 0)

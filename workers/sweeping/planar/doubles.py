@@ -1,8 +1,9 @@
 """Computes many motions of one program in compiled doubles, bit for bit like single ones."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from flint import fmpq
@@ -13,7 +14,7 @@ from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods, Times
 from service.dynamics.sampling import SampleTimes, sample_times, sample_times_of_each
 from service.dynamics.solution.dense_output import EPSILON, Period
-from workers.solvers.compiled.batch import NO_TIMES, Batch, Tier, bounds_of, solve_batch
+from workers.solvers.compiled.batch import NO_TIMES, Batch, BatchResult, Tier, bounds_of, solve_batch
 from workers.solvers.compiled.evaluation.program import Program
 from workers.solvers.compiled.frame import logarithm_of, make_frame, with_rests
 from workers.solvers.compiled.motion import ALL
@@ -191,39 +192,71 @@ def _lateness(batch: Batch) -> FloatArray:
 
 def _each_with_its_times(batch: Batch, asked_of: Sequence[Times], late: FloatArray) -> BlockResult:
     """Solve one after the other: each motion has times of its own, as it has in periods."""
-    sets = len(batch.loops)
-    times = np.full((sets, asked_of[0].samples), np.nan)
-    samples = np.full((*times.shape, len(batch.columns)), np.nan)
-    loops, found, workspace = copied(batch.loops), new_records(FOUND, sets), new_records(WORKSPACE)
-    for n in range(sets):
+
+    def solve(n: int) -> BatchResult:
         one = slice(n, n + 1)
         rests = None if batch.rests is None else batch.rests[one]
-        run = solve_batch(replace(batch, constants=batch.constants[one], loops=batch.loops[one], rests=rests))
-        loops[one], found[one] = run.loops, run.found
+        return solve_batch(
+            replace(batch, constants=batch.constants[one], loops=batch.loops[one], rests=rests)
+        )
+
+    asked = partial(_asked, asked_of)
+    return solve_one_by_one(batch.loops, batch.columns, solve, asked, asked_of[0].samples, late)
+
+
+def _asked(asked_of: Sequence[Times], n: int, period: Period) -> SampleTimes:
+    return sample_times(asked_of[n], period)
+
+
+def solve_one_by_one(
+    given: Records,
+    columns: IntArray,
+    solve: Callable[[int], BatchResult | None],
+    asked: Callable[[int, Period], SampleTimes],
+    count: int,
+    late: FloatArray | None = None,
+) -> BlockResult:
+    """Solve the motions of the ``given`` loops, one after the other, and sample each where that is asked.
+
+    ``solve`` returns a motion by its number; ``asked`` so many times by its number and period. Without a
+    ``late`` time for each motion they have the digits of ``high`` if they are solved. Where no times are
+    asked the error is that within a period.
+    """
+    sets = len(given)
+    times, samples = np.full((sets, count), np.nan), np.full((sets, count, len(columns)), np.nan)
+    loops, found, workspace = copied(given), new_records(FOUND, sets), new_records(WORKSPACE)
+    for name in found.dtype.names or ():
+        found[name] = 0 if name == "panels" else np.nan
+    for n in range(sets):
+        run = solve(n)
+        if run is None:
+            continue
+        loops[n], found[n] = run.loops[0], run.found[0]
         about = run.found[0]
-        if about.panels:
+        if about.panels and count:
             low = float(run.loops[0].period_lo)
-            asked = sample_times(asked_of[n], Period(float(about.period), low, float(about.period_error)))
-            times[n] = asked.doubles
-            if not len(batch.columns):
-                continue
-            sample_one(run.loops, run.panels, times[n], asked.low_parts, batch.columns, workspace, samples[n])
-    return _solved(loops, found, late, np.abs(times).max(axis=1), times, samples)
+            at = asked(n, Period(float(about.period), low, float(about.period_error)))
+            times[n] = at.doubles
+            if len(columns):
+                sample_one(run.loops, run.panels, times[n], at.low_parts, columns, workspace, samples[n])
+    latest = np.abs(times).max(axis=1) if count else found["period"]
+    return _solved(loops, found, late, latest, times, samples)
 
 
 def _solved(
     loops: Records,
     found: Records,
-    late: FloatArray,
+    late: FloatArray | None,
     latest: FloatArray | float,
     times: FloatArray,
     samples: FloatArray,
 ) -> BlockResult:
     bounds = bounds_of(found)
-    bounds = replace(bounds, time=bounds.time + late)
+    bounds = bounds if late is None else replace(bounds, time=bounds.time + late)
     # Of samples up to |t| = latest; inf where not decided.
     errors = bounds.error_at(latest, found["period"], found["period_error"])
     is_solved = (found["panels"] > 0) & ~np.isnan(errors)
+    has_digits = late is None or is_kept(bounds, found["period"], found["period_error"])
     # What the second double of a period says is left out of the first.
     period_errors = np.abs(loops["period_lo"]) + found["period_error"]
     return BlockResult(
@@ -232,8 +265,8 @@ def _solved(
         np.where(is_solved, errors, np.inf),
         times,
         samples,
-        pass_a_pole(loops, found),
-        is_solved & is_kept(bounds, found["period"], found["period_error"]),
+        _pass_a_pole(loops, found),
+        is_solved & has_digits,
         _approaches(loops),
         found["largest"],
     )
@@ -259,7 +292,7 @@ def _period(about: Found) -> Period:
     return Period(float(about.period), 0.0, float(about.period_error))
 
 
-def pass_a_pole(loops: Records, found: Records) -> BoolArray:
+def _pass_a_pole(loops: Records, found: Records) -> BoolArray:
     """Tell which motions pass a pole, where v is a multiple of π, as :attr:`SpectralMotion.ends` does."""
     middle = np.arctan2(loops["s_middle"], loops["c_middle"])
     lower = np.floor((middle - loops["half_width"]) / np.pi)

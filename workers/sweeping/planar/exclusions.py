@@ -102,11 +102,7 @@ LOG_LAMBDA_ERROR = 2.0**-50
 
 
 def have_no_motion_at(
-    body: RigidBody,
-    motion: PlanarMotion,
-    group: Group,
-    chosen: IntArray,
-    lambdas_squared: Sequence[fmpq],
+    body: RigidBody, motion: PlanarMotion, group: Group, chosen: IntArray, lambdas_squared: Sequence[fmpq]
 ) -> BoolArray:
     """Tell which ``chosen`` points of a group, on the curves of these λ², are proved to have no motion.
 

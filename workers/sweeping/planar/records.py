@@ -13,7 +13,7 @@ from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.windows import NoMotionError
 from service.schemas.sweep.sweep import Sweep
 from workers.sweeping.parameters.coefficients import Coefficients
-from workers.sweeping.parameters.family import Energies, Path, Poles, SweepFamily
+from workers.sweeping.parameters.family import Energies, Path, Poles
 from workers.sweeping.planar.doubles import BlockResult
 
 if TYPE_CHECKING:
@@ -58,7 +58,6 @@ class CompiledPlan:
     """Indices of the axes of the times, by their names."""
     sides: Mapping[int, Side]
     """The sides by the sign of g1."""
-    family: SweepFamily
     poles: Poles | None
 
 

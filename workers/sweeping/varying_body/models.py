@@ -9,16 +9,15 @@ from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.monomials import as_fmpq
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Number, Symbol, Tree, fold_tree
 from service.dynamics.potentials.families.homogeneous import B_coefficients
 from service.dynamics.potentials.potential import Potential
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
-from workers.sweeping.parameters.coefficients import ExactParts, SplitParameters, parts_of
+from workers.sweeping.parameters.coefficients import ExactParts, split_formula
 from workers.sweeping.parameters.family import Path, degree_in
-from workers.sweeping.varying_body.templates import MOMENTS, Key, Model, MomentsOfPoint, kind_of
+from workers.sweeping.varying_body.templates import Key, Model, MomentsOfPoint, kind_of
 
 _STEP = fmpq(104_729, 611_953)
 """A ratio of primes, far from any number that a formula would fold."""
@@ -209,26 +208,15 @@ def _homogeneous(document: Mapping[str, object], paths: Sequence[Path]) -> Model
 def _expression(
     document: Mapping[str, object], names: tuple[str, ...], moments: frozenset[str]
 ) -> Model | None:
-    document_parameters = document.get("parameters")
-    parameters = dict(document_parameters) if isinstance(document_parameters, dict) else {}
-    varying = {*names, *moments}
     try:
         tree = parse(str(document.get("expression")))
-        if not _is_plain(tree, varying):
+        if not _is_plain(tree, {*names, *moments}):
             return None
-        split = SplitParameters(tuple(varying), {*parameters, *names, *MOMENTS})
-        holed = format_tree(fold_tree(tree, split.build)[0])
-        fixed = {
-            name: as_fmpq(exact_number(value)) for name, value in parameters.items() if name not in names
-        }
+        holed, holes, parts, trees = split_formula(document, tree, names, tuple(moments), ("A", "C", "B"))
     except (FormulaError, ValueError):
         return None
-    holes = tuple(split.names())
-    kept = {name: value for name, value in parameters.items() if name not in names}
-    holed_document = {**document, "expression": holed, "parameters": {**kept, **dict.fromkeys(holes, 1)}}
-    parts = parts_of(split.parts, (*names, "A", "C", "B"), fixed)
-    needs_moment = any(degree_in(part, {"B"}) for part in split.parts)
-    return ExpressionModel(document, names, holed_document, holes, parts, needs_moment)
+    needs_moment = any(degree_in(part, {"B"}) for part in trees)
+    return ExpressionModel(document, names, holed, holes, parts, needs_moment)
 
 
 def _is_plain(tree: Tree, varying: set[str]) -> bool:

@@ -234,7 +234,8 @@ def _reporter(terms: Terms, what: str) -> Callable[[Resource], None]:
     def report(resource: Resource) -> None:
         if not what or terms.progress is None:
             return
-        done, total = _number(resource, "done", 0), _number(resource, "points", 1)
+        percent = 100.0 * _number(resource, "progress", 0)
+        done, total = _number(resource, "done", percent), _number(resource, "points", 100)
         remaining = resource.get("remaining_seconds")
         seconds = float(remaining) if isinstance(remaining, int | float) else None
         terms.progress(Progress(what, int(done), int(total), seconds, resource.get("state") in FINAL))

@@ -190,7 +190,7 @@ def _in_another_process(url: str, patience: float, cache: Cache | None) -> Terms
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """The progress of a sweep or a list of jobs."""
+    """The progress of a sweep, a list of jobs, or a study."""
 
     what: str
     done: int

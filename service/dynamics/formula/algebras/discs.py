@@ -17,6 +17,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.formula.algebra import DerivedOperations
 from service.dynamics.formula.algebras.interval_bounds import (
     FUNCTION_ROUNDING,
     OPERATION_ROUNDING,
@@ -41,7 +42,7 @@ class Disc:
     radius: FloatArray
 
 
-class DiscAlgebra:
+class DiscAlgebra(DerivedOperations[Disc]):
     """Arrays of discs. Where a function may not be analytic the radius is NaN, which no comparison takes.
 
     The caller switches numpy's warnings off: doing so at each operation would take half of the time.
@@ -106,10 +107,6 @@ class DiscAlgebra:
         growth = np.log1p(share) if exponent > 1 else np.log1p(-share)
         radius = np.abs(centre) * np.abs(np.expm1(nearest_double(exponent) * growth))
         return _rounded(centre, radius * (1.0 + EXP_RELATIVE_ROUNDING), error)
-
-    def general_power(self, base: Disc, exponent: Disc) -> Disc:
-        """Return exp(exponent · log(base))."""
-        return self.call("exp", self.multiply(exponent, self.call("log", base)))
 
     def call(self, name: str, argument: Disc) -> Disc:
         """Return the function; abs is ±z where no z has the real part 0, and sign its derivative."""

@@ -13,6 +13,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.formula.algebra import DerivedOperations
 from service.dynamics.formula.algebras.interval_bounds import (
     FUNCTION_ROUNDING,
     RANGES,
@@ -40,7 +41,7 @@ class Interval:
     """1 if c ≥ 0 everywhere and 0 at a limit only, -1 if -c is so, 0 if that is not known."""
 
 
-class IntervalAlgebra:
+class IntervalAlgebra(DerivedOperations[Interval]):
     """Arrays of intervals. Where a value may be undefined it is NaN, which no comparison takes for a bound.
 
     numpy's warnings must be off.
@@ -92,10 +93,6 @@ class IntervalAlgebra:
         sign = left.sign if left.sign == right.sign else 0
         return _kept(lo, hi, left.exponents, sign)
 
-    def subtract(self, left: Interval, right: Interval) -> Interval:
-        """Return left - right."""
-        return self.add(left, self.negate(right))
-
     def multiply(self, left: Interval, right: Interval) -> Interval:
         """Return left · right."""
         exponents = self._sum(left.exponents, right.exponents)
@@ -124,10 +121,6 @@ class IntervalAlgebra:
         lo, hi = real_power(size.lo, exponent), real_power(size.hi, exponent)
         lo, hi = widened(lo, hi, power_error(exponent))
         return Interval(np.maximum(lo, 0.0), hi, exponents, size.sign)
-
-    def general_power(self, base: Interval, exponent: Interval) -> Interval:
-        """Return exp(exponent · log(base))."""
-        return self.call("exp", self.multiply(exponent, self.call("log", base)))
 
     def call(self, name: str, argument: Interval) -> Interval:
         """Return the function."""

@@ -11,7 +11,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Generic, NamedTuple, TypeVar
 
-from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebra import Algebra, DerivedOperations
 
 T = TypeVar("T")
 
@@ -89,7 +89,7 @@ class Jet(NamedTuple, Generic[T]):
     triangle: tuple[T | None, ...] = ()
 
 
-class FirstOrderJets(Generic[T]):
+class FirstOrderJets(DerivedOperations[Jet[T]], Generic[T]):
     """Values with first derivatives along ``directions`` directions; an Algebra itself."""
 
     def __init__(self, base: Algebra[T], directions: int) -> None:
@@ -153,10 +153,6 @@ class FirstOrderJets(Generic[T]):
             return self._constant(value)
         slope = power_slope(algebra, x, exponent)
         return self._chained(base, value, slope, lambda: power_curvature(algebra, x, exponent))
-
-    def general_power(self, base: Jet[T], exponent: Jet[T]) -> Jet[T]:
-        """Return exp(exponent · log(base))."""
-        return self.call("exp", self.multiply(exponent, self.call("log", base)))
 
     def call(self, name: str, argument: Jet[T]) -> Jet[T]:
         """Return the function; the derivative of abs is sign, that of sign 0."""

@@ -10,6 +10,7 @@ from fractions import Fraction
 
 from flint import arb, fmpq
 
+from service.dynamics.formula.algebra import DerivedOperations
 from service.dynamics.formula.algebras.ball import BallAlgebra
 
 FLAT_POWER = Fraction(16)
@@ -40,7 +41,7 @@ class LongInterval:
         return bool(self.lo.is_finite() and self.hi.is_finite())
 
 
-class LongIntervalAlgebra:
+class LongIntervalAlgebra(DerivedOperations[LongInterval]):
     """Intervals rounded outwards at the current ``flint.ctx.prec``; NaN where a value may be undefined.
 
     Parameters
@@ -77,10 +78,6 @@ class LongIntervalAlgebra:
         sign = left.sign if left.sign == right.sign else 0
         return LongInterval((left.lo + right.lo).lower(), (left.hi + right.hi).upper(), exponent, sign)
 
-    def subtract(self, left: LongInterval, right: LongInterval) -> LongInterval:
-        """Return left - right."""
-        return self.add(left, self.negate(right))
-
     def multiply(self, left: LongInterval, right: LongInterval) -> LongInterval:
         """Return left · right."""
         return LongInterval(*_product(left, right), left.exponent + right.exponent, left.sign * right.sign)
@@ -106,10 +103,6 @@ class LongIntervalAlgebra:
             return LongInterval(_UNKNOWN, _UNKNOWN, power)
         ends = _root(size.lo, exponent).lower(), _root(size.hi, exponent).upper()
         return LongInterval(*ends, power, size.sign)
-
-    def general_power(self, base: LongInterval, exponent: LongInterval) -> LongInterval:
-        """Return exp(exponent · log(base))."""
-        return self.call("exp", self.multiply(exponent, self.call("log", base)))
 
     def call(self, name: str, argument: LongInterval) -> LongInterval:
         """Return the function."""

@@ -15,12 +15,13 @@ from typing import NamedTuple, TypeVar
 
 from flint import fmpq
 
+from service.dynamics.formula.algebra import DerivedOperations
 from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.folding import fold_power
 from service.dynamics.formula.tape import Tape
 
 Key = TypeVar("Key")
-Ratio = TypeVar("Ratio", Fraction, fmpq)
+Ratio = TypeVar("Ratio", Fraction, fmpq, int)
 
 Powers = tuple[tuple[int, int], ...]
 """Atoms by their numbers, with their exponents, in order."""
@@ -150,7 +151,7 @@ def read(tape: Tape, rules: Rules, numbers: Sequence[fmpq] | None = None) -> Rea
     raise NotAMonomialSumError
 
 
-class MonomialAlgebra:
+class MonomialAlgebra(DerivedOperations[MonomialSum]):
     """Sums of monomials by some rules; what is none of them raises NotAMonomialSumError."""
 
     def __init__(self, rules: Rules, unit: int = 1, numbers: Sequence[fmpq] | None = None) -> None:
@@ -186,10 +187,6 @@ class MonomialAlgebra:
             if known is not None and not total[monomial]:
                 del total[monomial]
         return self._limited(total)
-
-    def subtract(self, left: MonomialSum, right: MonomialSum) -> MonomialSum:
-        """Return left - right."""
-        return self.add(left, self.negate(right))
 
     def negate(self, operand: MonomialSum) -> MonomialSum:
         """Return -operand."""

@@ -15,7 +15,7 @@ from functools import reduce
 from itertools import chain
 from typing import Generic, TypeVar
 
-from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebra import Algebra, DerivedOperations
 
 T = TypeVar("T")
 
@@ -54,7 +54,7 @@ class Small(Generic[T]):
         return exponent.numerator if is_one else None
 
 
-class PowerAlgebra(Generic[T]):
+class PowerAlgebra(DerivedOperations[PowerSum[T]], Generic[T]):
     """The algebra ``base`` at one place; its elements are sums of powers of x."""
 
     def __init__(self, base: Algebra[T], small: Small[T]) -> None:
@@ -91,10 +91,6 @@ class PowerAlgebra(Generic[T]):
     def add(self, left: PowerSum[T], right: PowerSum[T]) -> PowerSum[T]:
         """Return left + right."""
         return self._sum(chain(left.terms.items(), right.terms.items()))
-
-    def subtract(self, left: PowerSum[T], right: PowerSum[T]) -> PowerSum[T]:
-        """Return left - right."""
-        return self.add(left, self.negate(right))
 
     def negate(self, operand: PowerSum[T]) -> PowerSum[T]:
         """Return -operand."""

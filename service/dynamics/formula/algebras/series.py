@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Generic, TypeVar
 
-from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebra import Algebra, DerivedOperations
 
 T = TypeVar("T")
 
@@ -12,7 +12,7 @@ Series = list[T]
 """Coefficients of 1, t, t², …, as many as the algebra keeps."""
 
 
-class SeriesAlgebra(Generic[T]):
+class SeriesAlgebra(DerivedOperations[Series[T]], Generic[T]):
     """Series up to t^``order`` over a ``base``; an Algebra itself.
 
     Of balls, each coefficient encloses those about every point of the balls: that of t^k is f^(k)/k!. |x| has
@@ -78,10 +78,6 @@ class SeriesAlgebra(Generic[T]):
             ]
             found.append(self._base.divide(self._scaled(Fraction(1, k), self._total(weighted)), base[0]))
         return found
-
-    def general_power(self, base: Series[T], exponent: Series[T]) -> Series[T]:
-        """Return exp(exponent · log(base))."""
-        return self.call("exp", self.multiply(exponent, self.call("log", base)))
 
     def call(self, name: str, argument: Series[T]) -> Series[T]:
         """Return the function; sign has the derivative 0 where its argument is not 0, and none else."""

@@ -13,7 +13,7 @@ from fractions import Fraction
 from math import comb
 
 from service.dynamics.errors import DynamicsError
-from service.dynamics.formula.algebras.monomials import weighted_sum
+from service.dynamics.formula.algebras.monomials import added_up, weighted_sum
 from service.dynamics.formula.tree import Binary, Call, Number, Symbol, Tree
 from service.dynamics.potentials.terms.powers import PowerSum, exchanged, monomial_sum, scaled
 
@@ -130,14 +130,14 @@ def partial_fractions(alpha: Fraction, N: int, m: int) -> tuple[list[Fraction], 
 
 def _product(alpha: Fraction, quadratics: int, circles: int, *, first: int = 0) -> PowerSum:
     """Return |g1|^first Q^quadratics ρ^circles expanded."""
-    terms: dict[tuple[Fraction, Fraction], Fraction] = {}
-    for i in range(quadratics + 1):
-        for j in range(circles + 1):
-            k = i + j
-            exponents = Fraction(2 * k + first), Fraction(2 * (quadratics + circles - k))
-            factor = comb(quadratics, i) * comb(circles, j) * alpha**i
-            terms[exponents] = terms.get(exponents, Fraction(0)) + factor
-    return terms
+    return added_up(
+        (
+            (Fraction(2 * (i + j) + first), Fraction(2 * (quadratics + circles - i - j))),
+            comb(quadratics, i) * comb(circles, j) * alpha**i,
+        )
+        for i in range(quadratics + 1)
+        for j in range(circles + 1)
+    )
 
 
 def _quadratic(first: Fraction, third: Fraction) -> Tree:

@@ -94,7 +94,11 @@ def _in_order(curve: LoopNumbers[R], first: R, second: R, third: R) -> tuple[R, 
 
 def steepness_at(curve: LoopNumbers[N], power: N) -> N:
     """Return E."""
-    ratio = curve.first * power / curve.Z
+    return steepness_of(curve, curve.first * power / curve.Z)
+
+
+def steepness_of(curve: LoopNumbers[R], ratio: R) -> R:
+    """Return E from G |sin v|^(α−1) / Z, with either sign."""
     return curve.C + curve.A * ratio * ratio
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Literal
 
+from service.dynamics.formula.algebra import DerivedOperations
 from service.dynamics.formula.algebras.monomials import (
     ONE,
     MonomialAlgebra,
@@ -48,7 +49,7 @@ def _pole_form(tape: Tape, sigma: int, relation: SquareRelation | None) -> Tape:
     return writer.recorder.whole(result)
 
 
-class _Writer:
+class _Writer(DerivedOperations[Element]):
     """An algebra that writes instructions for all that is no polynomial."""
 
     def __init__(self, relation: SquareRelation | None) -> None:
@@ -77,9 +78,6 @@ class _Writer:
 
     def add(self, left: Element, right: Element) -> Element:
         return self._combined("add", self._polynomials.add, left, right)
-
-    def subtract(self, left: Element, right: Element) -> Element:
-        return self.add(left, self.negate(right))
 
     def negate(self, operand: Element) -> Element:
         if isinstance(operand, dict):

@@ -102,11 +102,7 @@ def slopes(loop: Loop, at: LoopPoint) -> tuple[arb, arb]:
     A, C = ball(loop.A), ball(loop.C)
     g1, g2, g3 = at.g1, at.g2, at.g3
     X = (A * g1 * g2, -(A * g1 * g1 + C * g3 * g3), C * g3 * g2)
-    bend = (
-        A * (X[0] * g2 + g1 * X[1]),
-        -2 * (A * g1 * X[0] + C * g3 * X[2]),
-        C * (X[2] * g2 + g3 * X[1]),
-    )
+    bend = (A * (X[0] * g2 + g1 * X[1]), -2 * (A * g1 * X[0] + C * g3 * X[2]), C * (X[2] * g2 + g3 * X[1]))
     place = (g1, g2, g3)
     if loop.mirrored:
         place, X, bend = place[::-1], X[::-1], bend[::-1]

@@ -14,6 +14,7 @@ from functools import partial
 
 from flint import arb
 
+from service.dynamics.formula.algebra import DerivedOperations
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.long_intervals import LongInterval, LongIntervalAlgebra
 from service.dynamics.formula.tape import Tape
@@ -51,7 +52,7 @@ class _Split:
     rest: LongInterval | None = None
 
 
-class _SplitAlgebra:
+class _SplitAlgebra(DerivedOperations[_Split]):
     """The algebra of numbers with a continuous part at u = 0 and a part known by a power of |u|."""
 
     def __init__(self, intervals: "LongDomainIntervals") -> None:
@@ -85,10 +86,6 @@ class _SplitAlgebra:
             rest = self._intervals.add(rests[0], rests[1])
         return _Split(regular, rest)
 
-    def subtract(self, left: _Split, right: _Split) -> _Split:
-        """Return left - right."""
-        return self.add(left, self.negate(right))
-
     def negate(self, operand: _Split) -> _Split:
         """Return -operand."""
         regular, rest = operand.regular, operand.rest
@@ -118,10 +115,6 @@ class _SplitAlgebra:
             return _Split(None, self._intervals.power(base.rest, exponent))
         total = self.limit(base)
         return _Split(arb.nan() if total is None else self._balls.power(total, exponent))
-
-    def general_power(self, base: _Split, exponent: _Split) -> _Split:
-        """Return exp(exponent · log(base))."""
-        return self.call("exp", self.multiply(exponent, self.call("log", base)))
 
     def call(self, name: str, argument: _Split) -> _Split:
         """Return the function: of what has a limit it has one, but for signs and logarithms of what is 0."""

@@ -97,15 +97,15 @@ class CurveEnergy:
         return found
 
     def _terms(self, first: int, third: int) -> EnergyTerms | None:
-        terms: EnergyTerms = {}
+        terms = list[tuple[tuple[Fraction, str], Fraction]]()
         for each in self.terms:
             sign = (first if each.odd_first else 1) * (third if each.odd_third else 1)
             value, key = sign * as_fraction(each.coefficient), (as_fraction(each.power), "")
             too_large = max(value.numerator.bit_length(), value.denominator.bit_length()) > MAX_BITS
             if each.constants or too_large:
                 return None
-            terms[key] = terms.get(key, Fraction(0)) + value
-        return {key: value for key, value in terms.items() if value}
+            terms.append((key, value))
+        return without_zeros(added_up(terms))
 
 
 @dataclass(frozen=True, slots=True)

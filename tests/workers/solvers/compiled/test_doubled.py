@@ -15,7 +15,7 @@ from workers.solvers.compiled.doubled.arithmetic import doubled
 from workers.solvers.compiled.evaluation.program import make_program, rest_of, rests_of
 from workers.solvers.compiled.motion import Bounds
 from workers.solvers.compiled.records import new_records
-from workers.solvers.compiled.solve import KEPT, is_kept, solve_spectral
+from workers.solvers.compiled.solve import KEPT_ERROR, is_kept, solve_spectral
 from workers.solvers.compiled.solve_set import new_formula
 from workers.solvers.compiled.workspace import WORKSPACE
 
@@ -49,7 +49,7 @@ def test_the_period_has_twice_the_digits(case):
         off = abs(arb(found.period.hi) + arb(found.period.lo) - exact)
         assert off <= found.period.error
     # It is 1e-15 after 1e5 periods at least, which the kernel demands itself.
-    assert found.period.error <= time_map.EXACT * found.period.hi
+    assert found.period.error <= time_map.LARGEST_PERIOD_ERROR * found.period.hi
 
 
 @pytest.mark.parametrize("turns", [1, 10, 1000])
@@ -80,7 +80,7 @@ def test_ends_are_zeros_to_twice_the_digits(case):
     program, constants = make_program(potential.tape)
     made = new_formula(*program[:3], constants)
     made = made._replace(lows=rests_of(potential.tape, constants))
-    pairs = np.empty((curve.ROWS, harmonics.TOGETHER + 16))
+    pairs = np.empty((curve.ROWS, harmonics.PLACES_TOGETHER + 16))
     middle = np.arctan2(loop.s_middle, loop.c_middle)
     places = new_records(WORKSPACE)[0].places
     around = curve.curve_of(loop)
@@ -88,7 +88,7 @@ def test_ends_are_zeros_to_twice_the_digits(case):
         made, loop, around, middle - loop.half_width, middle + loop.half_width, pairs, places
     )
     # Its claim, of Newton's step and of roundings, is as small as the kernel demands.
-    assert off <= 2.0 * curve.STEEP * (high[0] - low[0])
+    assert off <= 2.0 * curve.END_ERROR_SHARE * (high[0] - low[0])
     again = curve.ends_of(made, loop, around, low[0], high[0], pairs, places)
     for one, other in ((low, again[0]), (high, again[1])):
         assert abs((one[0] - other[0]) + (one[1] - other[1])) <= off + again[2]
@@ -108,7 +108,11 @@ def test_a_rest_is_what_a_double_leaves_out():
 def test_times_are_the_integral_of_their_rate_to_twice_the_digits(number):
     """With f = (1 − e²)/(1 − 2e cos θ + e²) the time at u is (2/π) arctan((1 + e)/(1 − e) tan πu/2)."""
     e = arb(1) / 8
-    series, times, folded = np.empty(harmonics.MOST), np.empty((2, harmonics.MOST)), np.empty((4, number))
+    series, times, folded = (
+        np.empty(harmonics.MOST_PLACES),
+        np.empty((2, harmonics.MOST_PLACES)),
+        np.empty((4, number)),
+    )
     places = [0.0, 1 / 256, 11 / 64, 0.25, 0.5, 251 / 256, 1.0]
     with ctx.workprec(256):
         angles = [arb.pi() * (2 * j + 1) / (2 * number) for j in range(number)]
@@ -159,8 +163,8 @@ def test_a_fast_motion_is_kept_by_what_times_are_off_where_it_is_fast():
 
 
 def test_what_is_kept_is_told_from_its_bounds():
-    assert is_kept(Bounds(0.2 * KEPT, 2.0, 0.2 * KEPT, 2.0, 0.1 * KEPT), 1.0, 1e-25)
-    assert not is_kept(Bounds(0.2 * KEPT, 2.0, 0.2 * KEPT, 2.0, 0.3 * KEPT), 1.0, 1e-25)
+    assert is_kept(Bounds(0.2 * KEPT_ERROR, 2.0, 0.2 * KEPT_ERROR, 2.0, 0.1 * KEPT_ERROR), 1.0, 1e-25)
+    assert not is_kept(Bounds(0.2 * KEPT_ERROR, 2.0, 0.2 * KEPT_ERROR, 2.0, 0.3 * KEPT_ERROR), 1.0, 1e-25)
     assert not is_kept(Bounds(np.nan, 1.0, 0.0, 1.0, 0.0), 1.0, 1e-25)
     assert not is_kept(Bounds(0.0, 1.0, 0.0, 1.0, np.nan), 1.0, 1e-25)
     assert not is_kept(Bounds(0.0, 1.0, 0.0, 1.0, 0.0), 1.0, 1e-23)

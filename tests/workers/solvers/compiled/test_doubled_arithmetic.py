@@ -11,7 +11,8 @@ from workers.solvers.compiled.doubled import arithmetic as doubled
 # A few 2^-104, of the value or of 1.
 ULPS = 2.0**-100
 LARGEST = 2.0**-98
-"""Powers lose the bits of the size of their logarithm, below 2^5 here: what FINER of the kernel counts on."""
+"""Powers lose the bits of the size of their logarithm, below 2^5 here: what the kernel's ROUNDING_RATIO
+counts on."""
 NUMBERS = np.random.default_rng(7).uniform([1e-3, -9.0, -1.0, -1.0], [9.0, 9.0, 1.0, 1.0], (300, 4))
 
 

@@ -7,7 +7,7 @@ from flint import arb, ctx
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from tests.support.golden import GOLDEN
 from tests.support.planar import body, formula
-from workers.solvers.compiled.solve import LASTING, solve_spectral
+from workers.solvers.compiled.solve import LASTING_PERIOD_ERROR, solve_spectral
 
 RATIONAL = ("G1", "G2", "G4", "G6")
 NU_1 = PlanarMotion(None, nu=Fraction(1))
@@ -108,7 +108,9 @@ def test_periods_next_to_a_pole_that_is_not_passed_have_all_digits(digits, side)
     # 31 digits are given of one of them; the kernel that keeps a motion without its roots claims fewer, of a
     # period that is good for 1e8 of them.
     claimed = 1e-30 if motion.loop.by_roots else motion.period.error
-    assert off(motion.period, POLE[digits][side], trips=2) <= claimed <= LASTING * motion.period.hi
+    assert (
+        off(motion.period, POLE[digits][side], trips=2) <= claimed <= LASTING_PERIOD_ERROR * motion.period.hi
+    )
 
 
 @pytest.mark.parametrize(

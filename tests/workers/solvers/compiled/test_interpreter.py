@@ -14,7 +14,7 @@ from workers.solvers import compiled
 from workers.solvers.compiled.discs.arithmetic import run_discs
 from workers.solvers.compiled.discs.rows import new_discs, run_rows
 from workers.solvers.compiled.doubled.arithmetic import run_doubled
-from workers.solvers.compiled.doubled.curve import FINER
+from workers.solvers.compiled.doubled.curve import ROUNDING_RATIO
 from workers.solvers.compiled.evaluation.interpreter import (
     derivative,
     derivative_with_bound,
@@ -103,7 +103,7 @@ def test_every_arithmetic_keeps_its_bounds(text):
     assert np.array_equal(registers_of("double", potential, g)[0], value)
     high, low = registers_of("doubled", potential, g)
     # What is said of the roundings of a radicand; the inputs are exact in both.
-    assert (distances(potential, g, high, low) <= ulps * 2.0**-53 * FINER).all()
+    assert (distances(potential, g, high, low) <= ulps * 2.0**-53 * ROUNDING_RATIO).all()
     high, low, error = registers_of("known", potential, g)
     # Bounds are rounded to nearest: whoever uses one doubles it.
     assert (distances(potential, g, high, low) <= 2.0 * error).all()

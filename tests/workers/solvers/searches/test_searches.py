@@ -6,10 +6,12 @@ from fractions import Fraction
 import pytest
 from flint import arb, ctx
 
+from service.dynamics.formula.algebras.ball import ball
 from service.schemas.study.reading import read_search
 from service.storage.codecs.packing import decode_document
 from workers.computation.studies import family_of, study_document
 from workers.solvers.certified.certify import certify
+from workers.solvers.closed_form.lame import transverse_stability
 from workers.solvers.searches.search import FamilySearch, Target, _Search
 from workers.solvers.searches.structure import stretches
 
@@ -21,14 +23,14 @@ PERIOD = "6.432310535121612579869958267408499"
 """T for a = −1, C = 1, λ = 1, to 33 digits (theory 2.4)."""
 
 
-def found(base, unknowns, wanted):
+def found(base, unknowns, wanted, tell=bool):
     asked = {
         "base": base,
         "unknowns": [{"pointer": pointer, "interval": list(ends)} for pointer, ends in unknowns.items()],
         "wanted": [{"of": of, "equals": equals} for of, equals in wanted.items()],
     }
     read_search(asked)
-    return decode_document(study_document(json.dumps({"what": "numbers", **asked})).data)
+    return decode_document(study_document(json.dumps({"what": "numbers", **asked}), tell).data)
 
 
 def only_one(answer, **expected):
@@ -51,7 +53,13 @@ def test_a_parameter_with_a_given_period_is_enclosed():
 
 
 def test_lambda_with_a_given_period_is_enclosed_and_the_rest_is_empty():
-    answer = found(SWINGING, {"/motion/lambda": ("49/50", "51/50")}, {"period": "6.34007793723281"})
+    told = []
+    answer = found(
+        SWINGING, {"/motion/lambda": ("49/50", "51/50")}, {"period": "6.34007793723281"}, told.append
+    )
+    # The share of the interval that is settled.
+    assert told == sorted(told)
+    assert (told[0] > 0.0, told[-1]) == (True, pytest.approx(1.0))
     # The 15 digits are those of theory 1.6; dT/dλ = −1.6.
     only_one(answer, **{"lambda": (1, Fraction(1, 10**14))})
     assert (answer["rest"], answer["undecided"]) == ("proved_empty", [])
@@ -85,6 +93,71 @@ def test_a_moment_with_a_given_period_is_enclosed_where_the_formula_is_admissibl
     # T for A = 3 to 35 digits (theory 11, G10).
     wanted = {"period": "6.55593813374157484500337478933646021"}
     only_one(found(base, {"/body/A": ("299/100", "301/100")}, wanted), A=(3, Fraction(1, 10**30)))
+
+
+@pytest.mark.parametrize(
+    ("pointer", "ends", "at"),
+    [
+        # The upper edge of the band, B* = 2νC / (2ν − |x2|) with x2 = −ν/2 − √(ν²/4 + 1) (theory 8).
+        ("/body/B", ("12/5", "13/5"), lambda B: (Fraction(2), B)),
+        ("/motion/nu", ("19/10", "21/10"), lambda nu: (nu, Fraction(5, 2))),
+    ],
+)
+def test_a_change_of_stability_is_proved_by_traces_on_both_sides_of_it(pointer, ends, at):
+    """The trace of Bobylev's and Steklov's motions is that of Lamé's equation, in theta functions."""
+    base = {**ROUND, "body": {"A": 2, "B": "5/2", "C": 1}, "motion": {"type": "planar", "nu": 2}}
+    (solution,) = found(base, {pointer: ends}, {"trace": 2})["solutions"]
+    value, radius = (Fraction(solution["values"][pointer][name]) for name in ("value", "radius"))
+    # The enclosed traces have radii of 1e-9, and change faster than the unknown.
+    assert (solution["proof"], radius < Fraction(1, 10**8)) == ("proved", True)
+    with ctx.workprec(128):
+        below, above = (transverse_stability(*at(value + sign * radius)).trace - 2 for sign in (-1, 1))
+        assert below * above < 0
+        if pointer == "/body/B":
+            edge = 4 / (4 - (1 + arb(2).sqrt()))
+            assert abs(edge - ball(value)) < ball(radius)
+
+
+@pytest.mark.parametrize(
+    ("potential", "rest"),
+    [
+        # h = B λ²/2 at λ = 1.
+        ("-B*g1", "proved_empty"),
+        # In the middle it is admissible, and nowhere else.
+        ("-g1 + (B - 2)*g1^2", "undecided"),
+    ],
+)
+def test_a_moment_that_the_potential_has_in_it_changes_the_potential(potential, rest):
+    field = {"type": "expression", "expression": potential}
+    answer = found({**ROUND, "potential": field}, {"/body/B": ("3/2", "5/2")}, {"energy": "23/20"})
+    assert answer["rest"] == rest
+    if rest == "proved_empty":
+        only_one(answer, B=(Fraction(23, 10), 0))
+    else:
+        assert all(each["proof"] == "possible" for each in answer["solutions"])
+
+
+@pytest.mark.parametrize(
+    ("potential", "body", "ends", "stay"),
+    [
+        ("-g1 + 1/(20*g3^2) + c*(g1^2 - g2^2)", {"A": 2, "C": 1}, (1, "6/5"), True),
+        # The window vanishes at c = 5/4 (theory, S3).
+        ("-g1 + 1/(20*g3^2) + c*(g1^2 - g2^2)", {"A": 2, "C": 1}, ("6/5", "13/10"), False),
+        # Motions through both poles, at which the second V has no second derivative (theory 2.4).
+        ("-c*g1*(4*g1^2 + 3*g3^2)", {"A": 4, "C": 1}, (1, "6/5"), True),
+        ("-c*abs(g1)^(4/3)", {"A": 3, "C": 1}, (1, "6/5"), False),
+    ],
+)
+def test_motions_stay_where_windows_do_and_the_potential_is_analytic_on_their_way(
+    potential, body, ends, stay
+):
+    field = {"type": "expression", "expression": potential, "parameters": {"c": 1}}
+    base = {"body": body, "potential": field, "motion": {"type": "planar", "lambda": 1}}
+    unknown = {"pointer": "/potential/parameters/c", "interval": list(ends)}
+    asked = read_search({"base": base, "unknowns": [unknown], "wanted": [{"of": "energy", "equals": 0}]})
+    (place,) = asked.unknowns
+    question = FamilySearch(family_of(asked, asked.problem_at([place.middle])), asked.problem_at, [], bool)
+    assert question.motions_stay(((place.lower, place.upper),)) is stay
 
 
 SHRINKING = {

@@ -1,13 +1,17 @@
 """Traces that are theorems: tables, other ways to them, and that wrong ones are outside."""
 
 import json
+import math
 from fractions import Fraction
 
+import numpy as np
 import pytest
-from flint import arb, ctx
+from flint import arb, arb_mat, ctx
 
 from service.dynamics.formula.algebras.ball import ball
+from service.dynamics.solution.ball_columns import exact_middle
 from service.jobs.records import Solved
+from service.schemas.problem.problem import read_problem
 from service.schemas.replies.solution_text import describe_solution
 from service.schemas.sweep.sweep import kept_numbers
 from service.storage.codecs.summary import summary_columns
@@ -17,7 +21,9 @@ from tests.support.effort import one_in
 from tests.support.random_states import unit_vector
 from tests.workers.solvers.stability.test_lame import MOMENTS, TRACES
 from workers.computation.compute import solve_document
+from workers.solvers.choose import enclose
 from workers.solvers.closed_form.lame import transverse_stability
+from workers.solvers.stability.proven import proven_time, proven_turn, weights_of_powers
 
 CERTIFIED = {"tier": "certified"}
 
@@ -47,6 +53,8 @@ def test_the_tabulated_trace_is_inside_and_wrong_ones_are_outside(nu, B, trace):
     found = certified(B, "-g1", nu)
     stability = found["stability"]
     assert (stability["proof"], found["error_kind"]["stability"]) == ("theorem", "theorem")
+    # Both multipliers are 1 with B = 1, and how fast neighbours part is not told by the trace.
+    assert found["error_kind"]["stability.trusted_time"] == ("estimate" if B == "1" else "theorem")
     inside = enclosed(stability["trace"])
     with ctx.workprec(128):
         exact = transverse_stability(Fraction(nu), Fraction(B)).trace
@@ -96,7 +104,76 @@ def test_multipliers_of_classical_cases_are_those_of_series(name):
     trace = sum(row[n] for n, row in enumerate(carried)) - 4
     # The period is that of doubles, 1e-15 of itself; its share of the trace is below the radius.
     assert abs(Fraction(stability["trace"]) - trace) <= Fraction(stability["error"])
-    assert stability["proof"] == "theorem"
+    assert stability["proof"] == found["error_kind"]["stability.trusted_time"] == "theorem"
+
+
+def turn_of(nu, B):
+    """Return the proven turn of A = 2, C = 1, V = -g1, the state at t = 0, and Lamé's |μ|."""
+    document = {"body": {"A": 2, "B": B, "C": 1, "allow_unphysical": True},
+                "potential": {"type": "expression", "expression": "-g1"},
+                "motion": {"type": "planar", "nu": nu}, "time": {"stop": 1, "samples": 2}}  # fmt: skip
+    problem = read_problem(document)
+    proven = enclose(problem.body, problem.potential, problem.motion, [Fraction(0)], 128)
+    turn = proven_turn(problem.body, problem.potential.tape, lambda: proven.states[0], proven.period)
+    with ctx.workprec(128):
+        size = abs(transverse_stability(Fraction(nu), Fraction(B)).trace)
+        multiplier = float((size + (size * size - 4).sqrt()) / 2) if size > 2 else 1.0
+    return turn, tuple(map(exact_middle, proven.states[0])), multiplier
+
+
+COUNTS = (0, 1, 3, 10, 40)
+
+
+def largest_sums(turn, state, B):
+    """Return Σ‖Φ(t) M^k‖, k ≤ n, for each n of COUNTS, the largest over some t, by doubled series."""
+    motion = doubled_series.Motion((2, Fraction(B), 1), ((Fraction(-1), 1, 0, 0),))
+    period = exact_middle(turn.period)
+    unit = max(1, Fraction(2 * math.pi / float(period)))
+    scale = [unit] * 3 + [1] * 3
+
+    def carried(share):
+        rows = motion.carried(state, share * period)
+        return arb_mat(
+            [[ball(x * scale[j] / scale[i]) for j, x in enumerate(row)] for i, row in enumerate(rows)]
+        )
+
+    with ctx.workprec(256):
+        ways = [carried(Fraction(share, 8)) for share in range(9)]
+        sums, found, power = np.zeros(len(ways)), [], carried(0)
+        for n in range(COUNTS[-1] + 1):
+            for k, way in enumerate(ways):
+                sums[k] += float(sum(x * x for x in (way * power).entries()).sqrt().mid())
+            found += [sums.max()] if n in COUNTS else []
+            power = ways[-1] * power
+    return np.array(found)
+
+
+@pytest.mark.parametrize(("nu", "B"), [("1", "3"), ("2", "3")], ids=["on the unit circle", "real"])
+def test_the_growth_of_all_periods_is_bounded_and_wrong_bounds_are_caught(nu, B):
+    turn, state, _ = turn_of(nu, B)
+    truth = largest_sums(turn, state, B)
+
+    def bounds(trace, sizes):
+        return np.array([sizes @ weights_of_powers(trace, n) for n in COUNTS])
+
+    sizes = turn.sizes[-1, 1:]
+    claimed = bounds(turn.trace, sizes)
+    assert np.all(truth <= claimed)
+    # Norms of four parts are added, whatever their directions are: up to 1.9 times what is there.
+    assert np.all(claimed <= 4.0 * truth)
+    # A shear that is left out, a multiplier that is a tenth too small.
+    wrong = bounds(turn.trace, sizes * [1, 0, 1, 1]) if nu == "1" else bounds(0.9 * turn.trace, sizes)
+    assert not np.all(truth <= wrong)
+
+
+def test_proven_times_of_an_unstable_motion_are_those_of_its_multiplier():
+    turn, _, multiplier = turn_of("2", "3")
+    one, other = (proven_time(turn, tolerance) for tolerance in (1e-10, 1e-10 * multiplier**5))
+    # The other parts of what grows are smaller than a step of the enclosed motion tells.
+    assert abs(other - one - 5.0 * float(turn.period)) <= max(np.diff(turn.begins))
+    # No multiplier is 1 for good: a rounding of the largest number is where the tolerance is below it.
+    assert proven_time(turn, 1e-16) == 0.0
+    assert proven_time(turn_of("1", "3")[0], 1e3) is None
 
 
 def test_the_precession_is_enclosed():

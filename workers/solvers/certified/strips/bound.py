@@ -25,11 +25,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
-from service.dynamics.reduction.geometry.point import (
-    CurvePlace,
-    LoopNumbers,
-    gamma_of,
-)
+from service.dynamics.reduction.geometry.point import CurvePlace, LoopNumbers, gamma_of, steepness_of
 from service.dynamics.solution.dense_output import EPSILON
 from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 from workers.solvers.certified.strips.algebra import Strip
@@ -106,8 +102,7 @@ class _Curve:
         loop, strip = self._curve.loop, self._strip
         A, C = ball(loop.A), ball(loop.C)
         # P = 2 C K / (A E).
-        steepness = strip.ball(A * (loop.G / loop.Z) ** 2)
-        E = self._numbers.C + steepness * self._at.power * self._at.power
+        E = steepness_of(self._numbers, strip.ball(loop.G / loop.Z) * self._at.power)
         rate = E * strip.rsqrt(E * self._c_squared * K)
         return float((loop.Z * (A / (2 * C)).sqrt()).upper()) * rate.norm * NORM_ROUND_UP
 

@@ -6,10 +6,12 @@ derivative of the flow; Q is then chosen anew, so that the longest side of the i
 errors are proportional to 2^−precision, and the precision is raised until what is asked for is reached.
 """
 
+import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 
 import numpy as np
 from flint import arb, ctx
@@ -127,6 +129,22 @@ class ProvenTrajectory:
         matrix = _at(step.flow, place)
         lost = self._moved(stretch, place, start.frame, start.flow_box) + _lost(step, start.flow)
         return matrix @ start.flow, ROUND_UP * lost
+
+    def flow_along(self, stretch: ProvenStretch) -> tuple[FloatArray, FloatArray]:
+        """Return matrices whose convex hull has what :meth:`flow` is in a stretch, but for a bound."""
+        step, start = stretch.step, stretch.start
+        whole, sizes = _lost(step, start.frame), np.abs(step.flow).sum(axis=0)
+        lost = (sizes @ np.abs(start.frame) + whole) @ start.flow_box + _lost(step, start.flow)
+        return _corners(step.flow) @ start.flow, ROUND_UP * lost
+
+    def along(self, stretch: ProvenStretch) -> tuple[FloatArray, FloatArray]:
+        """Return states, shape (n, d), whose convex hull has those of a stretch, but for a bound of each."""
+        step = stretch.step
+        longest = max(len(curve) for curve in step.curves)
+        rows = [[float(curve[power]) for curve in step.curves] for power in range(longest)]
+        coefficients = np.array(rows)
+        sizes = np.abs(coefficients).sum(axis=0)
+        return _corners(coefficients), ROUND_UP * (2.0**-self.precision * step.spread + SUM_ROUNDING * sizes)
 
     def _moved(self, stretch: ProvenStretch, place: float, frame: FloatArray, box: FloatArray) -> FloatArray:
         step = stretch.step
@@ -321,6 +339,18 @@ def _at(polynomial: FloatArray, place: float) -> FloatArray:
     for coefficient in polynomial[-2::-1]:
         value = value * place + coefficient
     return np.asarray(value)
+
+
+def _corners(polynomial: FloatArray) -> FloatArray:
+    """Return the coefficients in Bernstein's polynomials of [0, 1]: values are in their convex hull."""
+    return np.tensordot(_bernstein(len(polynomial) - 1), polynomial, 1)
+
+
+@cache
+def _bernstein(last: int) -> FloatArray:
+    """Return the matrix that takes coefficients of powers to those of Bernstein's polynomials."""
+    weights = [[math.comb(i, j) / math.comb(last, j) for j in range(last + 1)] for i in range(last + 1)]
+    return np.array(weights)
 
 
 def _image(step: ProvenStep, matrix: FloatArray, frame: FloatArray) -> tuple[FloatArray, FloatArray]:

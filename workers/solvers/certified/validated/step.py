@@ -22,13 +22,7 @@ from flint import arb, arb_poly, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.ball import ball
-from workers.solvers.certified.validated.curves import (
-    Curve,
-    StepCurves,
-    StepTooLongError,
-    grow,
-    size,
-)
+from workers.solvers.certified.validated.curves import Curve, StepCurves, StepTooLongError, grow, size
 from workers.solvers.certified.validated.system import Recorded
 
 FloatArray = NDArray[np.float64]

@@ -26,24 +26,26 @@ FloatArray = NDArray[np.float64]
 Disc = tuple[float, float]
 """A centre and a radius."""
 
-ARITHMETIC = 2.0**-50
+OPERATION_ERROR = 2.0**-50
 """More than the relative error of an operation."""
-FUNCTIONS = 2.0**-48
+FUNCTION_ERROR = 2.0**-48
 """More than that of a function of the library."""
-EXPONENTIALS = 2.0**-40
-TINY = 1e-300
+EXPONENTIAL_ERROR = 2.0**-40
+"""More than that of the radius of an exponential."""
+UNDERFLOW = 1e-300
+"""More than operations lose to the smallest doubles."""
 
 
 @kernel
 def rounded(c: float, r: float, error: float) -> Disc:
     """Return the disc with its radius made larger by the rounding of both."""
-    return c, (r + error * abs(c)) * (1.0 + 2.0 * error) + TINY
+    return c, (r + error * abs(c)) * (1.0 + 2.0 * error) + UNDERFLOW
 
 
 @kernel
 def exactly(value: float) -> Disc:
     """Return the disc about a number that was rounded."""
-    return value, abs(value) * ARITHMETIC
+    return value, abs(value) * OPERATION_ERROR
 
 
 @kernel
@@ -53,7 +55,7 @@ def plus(x: Disc, y: Disc) -> Disc:
         return x
     if x[0] == 0.0 and x[1] == 0.0:
         return y
-    return rounded(x[0] + y[0], x[1] + y[1], ARITHMETIC)
+    return rounded(x[0] + y[0], x[1] + y[1], OPERATION_ERROR)
 
 
 @kernel
@@ -73,16 +75,16 @@ def times(x: Disc, y: Disc) -> Disc:
     """Return the product of two discs."""
     if (x[0] == 0.0 and x[1] == 0.0) or (y[0] == 0.0 and y[1] == 0.0):
         return 0.0, 0.0
-    return rounded(x[0] * y[0], (abs(x[0]) + x[1]) * y[1] + abs(y[0]) * x[1], ARITHMETIC)
+    return rounded(x[0] * y[0], (abs(x[0]) + x[1]) * y[1] + abs(y[0]) * x[1], OPERATION_ERROR)
 
 
 @kernel
 def over(x: Disc, y: Disc) -> Disc:
     """Return the quotient of two discs, NaN where y may be 0."""
     size = abs(y[0])
-    least = (size - y[1]) * (1.0 - ARITHMETIC) - ARITHMETIC * size
+    least = (size - y[1]) * (1.0 - OPERATION_ERROR) - OPERATION_ERROR * size
     wide = y[1] / (size * least) if least > 0.0 else math.nan
-    return times(x, rounded(1.0 / y[0], wide, 4.0 * ARITHMETIC))
+    return times(x, rounded(1.0 / y[0], wide, 4.0 * OPERATION_ERROR))
 
 
 @kernel
@@ -92,17 +94,17 @@ def raised(x: Disc, exponent: Disc) -> Disc:
     size = abs(c)
     is_whole = e == math.floor(e)
     value = power(c, e)
-    error = FUNCTIONS * (1.0 + abs(e)) * (2.0 + abs(math.log(size)))
+    error = FUNCTION_ERROR * (1.0 + abs(e)) * (2.0 + abs(math.log(size)))
     if is_whole and e > 0.0:
         wide = power(size + r, e) * (1.0 + error) - abs(value) * (1.0 - error)
         return rounded(value, wide, error)
     if not (is_whole or c > 0.0):
         return value, math.nan
-    share = r / size * (1.0 + 4.0 * ARITHMETIC) + TINY
+    share = r / size * (1.0 + 4.0 * OPERATION_ERROR) + UNDERFLOW
     if not share < 1.0:
         return value, math.nan
     growth = math.log1p(share) if e > 1.0 else math.log1p(-share)
-    wide = abs(value) * abs(math.expm1(e * growth)) * (1.0 + EXPONENTIALS)
+    wide = abs(value) * abs(math.expm1(e * growth)) * (1.0 + EXPONENTIAL_ERROR)
     return rounded(value, wide, error)
 
 
@@ -111,7 +113,7 @@ def _wave(value: float, slope: float, r: float) -> Disc:
     half = math.sinh(0.5 * r)
     wide = 2.0 * abs(value) * half * half + abs(slope) * math.sinh(r)
     # Both are rounded, and so is what they were taken of.
-    return rounded(value, wide + FUNCTIONS * r, 4.0 * FUNCTIONS)
+    return rounded(value, wide + FUNCTION_ERROR * r, 4.0 * FUNCTION_ERROR)
 
 
 @kernel
@@ -120,13 +122,13 @@ def function_of(operation: int, x: Disc) -> Disc:
     c, r = x
     if operation == EXP:
         value = math.exp(c)
-        wide = value * math.expm1(r) if r < 1.0 else math.exp(c + r) * (1.0 + EXPONENTIALS)
-        return rounded(value, wide, FUNCTIONS)
+        wide = value * math.expm1(r) if r < 1.0 else math.exp(c + r) * (1.0 + EXPONENTIAL_ERROR)
+        return rounded(value, wide, FUNCTION_ERROR)
     if operation == LOG:
-        share = r / c * (1.0 + 4.0 * ARITHMETIC) + TINY
+        share = r / c * (1.0 + 4.0 * OPERATION_ERROR) + UNDERFLOW
         if not (c > 0.0 and share < 1.0):
             return math.nan, math.nan
-        return rounded(math.log(c), -math.log1p(-share), FUNCTIONS)
+        return rounded(math.log(c), -math.log1p(-share), FUNCTION_ERROR)
     if operation in (ABS, SIGN):
         unknown = 0.0 if abs(c) > r else math.nan
         return (abs(c), r + unknown) if operation == ABS else (1.0 if c > 0.0 else -1.0, unknown)
@@ -143,7 +145,7 @@ def disc_of(constant: Constant) -> Disc:
     """Return the disc of a constant; integers are exact."""
     value = double_of(constant)
     known = abs(constant.constants[constant.slot]) + abs(value) if constant.slot >= 0 else 0.0
-    return value, known * ARITHMETIC
+    return value, known * OPERATION_ERROR
 
 
 run_discs = interpreter_of(

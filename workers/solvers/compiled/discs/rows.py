@@ -11,10 +11,10 @@ import math
 
 import numpy as np
 
-from workers.solvers.compiled.discs.arithmetic import ARITHMETIC as OUTWARDS
 from workers.solvers.compiled.discs.arithmetic import (
-    FUNCTIONS,
-    TINY,
+    FUNCTION_ERROR,
+    OPERATION_ERROR,
+    UNDERFLOW,
     Disc,
     disc_of,
     exactly,
@@ -42,7 +42,7 @@ POWERS = 6
 """Rows before it that keep powers of s."""
 SUMMAND, ARGUMENT, INVERSE = -POWERS - 2, -POWERS - 3, -POWERS - 4
 """Rows before those, for scratch."""
-OWN = 1 + POWERS + 3
+SCRATCH_ROWS = 1 + POWERS + 3
 """Rows beside the registers."""
 SAME_POWER = 1e-12
 """Powers that are rounded sums of the same fractions differ by less."""
@@ -51,7 +51,7 @@ SAME_POWER = 1e-12
 @kernel
 def new_discs(registers: int) -> Discs:
     """Return so many rows, and those that the arithmetic has for itself."""
-    count = registers + OWN
+    count = registers + SCRATCH_ROWS
     return Discs(np.ones((count, LANES)), np.zeros((count, LANES)), np.zeros(count))
 
 
@@ -85,11 +85,13 @@ def _put(discs: Discs, to: int, i: int, sign: float) -> None:
 def multiply(discs: Discs, to: int, i: int, j: int, _count: int) -> None:
     """Put the product of two rows into a third."""
     c, r, e = discs
+    # Two loops: of one that fills two rows from four the compiler does not find that it goes side by side.
     for m in range(LANES):
         x, y, rx, ry = c[i, m], c[j, m], r[i, m], r[j, m]
-        z = x * y
         wide = abs(x) * ry + (abs(y) + ry) * rx
-        c[to, m], r[to, m] = z, wide * (1.0 + OUTWARDS) + abs(z) * OUTWARDS + TINY
+        r[to, m] = wide * (1.0 + OPERATION_ERROR) + abs(x * y) * OPERATION_ERROR + UNDERFLOW
+    for m in range(LANES):
+        c[to, m] = c[i, m] * c[j, m]
     e[to] = e[i] + e[j]
 
 
@@ -108,7 +110,7 @@ def scale_power(discs: Discs, exponent: float, count: int) -> int:
         for m in range(LANES):
             x, rx = c[SCALE, m], r[SCALE, m]
             c[free, m] = x * x
-            r[free, m] = (2.0 * x + rx) * rx * (1.0 + OUTWARDS) + x * x * OUTWARDS + TINY
+            r[free, m] = (2.0 * x + rx) * rx * (1.0 + OPERATION_ERROR) + x * x * OPERATION_ERROR + UNDERFLOW
         e[free] = 2.0
         return free
     is_whole = exponent == math.floor(exponent)
@@ -116,10 +118,10 @@ def scale_power(discs: Discs, exponent: float, count: int) -> int:
         x, rx = c[SCALE, m], r[SCALE, m]
         z = power(x, exponent)
         wide = power(x + rx, exponent) - z if exponent >= 1.0 else z - power(max(x - rx, 0.0), exponent)
-        rounding = FUNCTIONS + exponent * OUTWARDS
+        rounding = FUNCTION_ERROR + exponent * OPERATION_ERROR
         if not (is_whole and exponent <= 64.0):
-            rounding += exponent * OUTWARDS * abs(math.log(x))
-        wide += (z + wide) * rounding + TINY
+            rounding += exponent * OPERATION_ERROR * abs(math.log(x))
+        wide += (z + wide) * rounding + UNDERFLOW
         # Branches meet at s = 0.
         c[free, m], r[free, m] = z, (wide if is_whole or rx <= x else math.nan)
     e[free] = exponent
@@ -153,8 +155,10 @@ def _add(discs: Discs, to: int, i: int, j: int, sign: float, count: int) -> None
     if e[j] - low > SAME_POWER:
         j = _beside(discs, SUMMAND, j, low, count)
     for m in range(LANES):
-        z = c[i, m] + sign * c[j, m]
-        c[to, m], r[to, m] = z, (r[i, m] + r[j, m]) * (1.0 + OUTWARDS) + abs(z) * OUTWARDS + TINY
+        wide, z = r[i, m] + r[j, m], c[i, m] + sign * c[j, m]
+        r[to, m] = wide * (1.0 + OPERATION_ERROR) + abs(z) * OPERATION_ERROR + UNDERFLOW
+    for m in range(LANES):
+        c[to, m] = c[i, m] + sign * c[j, m]
     e[to] = low
 
 
@@ -193,7 +197,7 @@ def _invert(discs: Discs, to: int, i: int) -> None:
     for m in range(LANES):
         size, rx = abs(c[i, m]), r[i, m]
         z = 1.0 / c[i, m]
-        wide = rx / (size * (size - rx)) * (1.0 + OUTWARDS) + abs(z) * OUTWARDS + TINY
+        wide = rx / (size * (size - rx)) * (1.0 + OPERATION_ERROR) + abs(z) * OPERATION_ERROR + UNDERFLOW
         # Far from being halved by the rounding of size − rx.
         c[to, m], r[to, m] = z, (wide if size > rx * (1.0 + 2.0**-40) else math.nan)
     e[to] = -e[i]

@@ -11,6 +11,7 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
+from workers.solvers.compiled.blocks import two_sum
 from workers.solvers.compiled.evaluation.interpreter import (
     CompiledArithmetic,
     Constant,
@@ -59,14 +60,6 @@ def quick_sum(a: float, b: float) -> Twice:
 
 
 @kernel
-def exact_sum(a: float, b: float) -> Twice:
-    """Return a + b and what that leaves out (Knuth)."""
-    total = a + b
-    part = total - a
-    return total, (a - (total - part)) + (b - part)
-
-
-@kernel
 def exact_product(a: float, b: float) -> Twice:
     """Return a b and what that leaves out."""
     product = a * b
@@ -76,8 +69,8 @@ def exact_product(a: float, b: float) -> Twice:
 @kernel
 def add(a: Twice, b: Twice) -> Twice:
     """Return the sum; it has its digits also where much cancels."""
-    high, rest = exact_sum(a[0], b[0])
-    low, left = exact_sum(a[1], b[1])
+    high, rest = two_sum(a[0], b[0])
+    low, left = two_sum(a[1], b[1])
     high, rest = quick_sum(high, rest + low)
     return quick_sum(high, rest + left)
 
@@ -146,10 +139,7 @@ def sine_and_cosine(angle: Twice) -> tuple[Twice, Twice]:
     s, c = add(x, multiply(x, s)), add((1.0, 0.0), c)
     row = TURNS[int(k) % (2 * SIXTEENTHS)]
     sine, cosine = (row[0], row[1]), (row[2], row[3])
-    return (
-        add(multiply(sine, c), multiply(cosine, s)),
-        subtract(multiply(cosine, c), multiply(sine, s)),
-    )
+    return (add(multiply(sine, c), multiply(cosine, s)), subtract(multiply(cosine, c), multiply(sine, s)))
 
 
 @kernel

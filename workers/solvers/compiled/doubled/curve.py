@@ -26,11 +26,11 @@ from workers.solvers.compiled.workspace import Places
 
 FloatArray = NDArray[np.float64]
 
-FINER = 2.0**-45
+ROUNDING_RATIO = 2.0**-45
 """Roundings here against those of doubles: 2^-98 to 2^-53, where those of powers are the largest."""
-FROM_END = 2.0**-28
+SLOPE_STEP_SHARE = 2.0**-28
 """Distance, against that of both ends, over which the slope of P at an end is a difference."""
-STEEP = 2.0**-78
+END_ERROR_SHARE = 2.0**-78
 """Error of an end that may be left open, relative to the distance of both ends."""
 
 ANGLE, RADICAND, SQUARE, G1, COSINE, SLOPED, BELOW = 0, 2, 4, 6, 12, 14, 16
@@ -124,7 +124,7 @@ def roundings_of(formula: Formula, loop: Loop, pairs: FloatArray, count: int, pl
         factor = loop.factor * abs(1.0 / factor if loop.mirrored else factor)
         # g2 is a difference, off by so much of its square.
         away = abs(D[m]) * (6.0 + 1.0 / (cosine * cosine))
-        places.bound[m] = FINER * factor * (ulps[m] + away) * 2.0**-53
+        places.bound[m] = ROUNDING_RATIO * factor * (ulps[m] + away) * 2.0**-53
 
 
 @kernel
@@ -141,7 +141,7 @@ def ends_of(
 
     The bound is NaN where it is not a small one. The slope is a difference, off by the square of its step.
     """
-    away = FROM_END * (upper - lower)
+    away = SLOPE_STEP_SHARE * (upper - lower)
     ends = ((lower, 0.0), (upper, 0.0))
     pairs[ANGLE + 1, :6] = 0.0
     for k in range(3):
@@ -170,4 +170,4 @@ def ends_of(
     off = 0.0
     for k in range(2):
         off = max(off, (left[k] + places.bound[k]) / abs(rises[k]))
-    return found[0], found[1], (2.0 * off if off <= STEEP * (upper - lower) else math.nan)
+    return found[0], found[1], (2.0 * off if off <= END_ERROR_SHARE * (upper - lower) else math.nan)

@@ -13,12 +13,12 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
+from workers.solvers.compiled.blocks import two_sum
 from workers.solvers.compiled.doubled.arithmetic import (
     Twice,
     add,
     divide,
     doubled,
-    exact_sum,
     multiply,
     quick_sum,
     root,
@@ -36,35 +36,35 @@ from workers.solvers.compiled.doubled.curve import (
     quotients_doubled,
     roundings_of,
 )
+from workers.solvers.compiled.evaluation.program import REST_OF_PI
 from workers.solvers.compiled.kernels import fused, kernel
 from workers.solvers.compiled.records import Formula, Loop
 from workers.solvers.compiled.workspace import Places
 
 FloatArray = NDArray[np.float64]
 
-FEWEST, MOST = 48, 384
+FEWEST_PLACES, MOST_PLACES = 48, 384
 """Places."""
-TOGETHER = 48
-RESOLVED = 2.0**-51
+PLACES_TOGETHER = 48
+RESOLVED_HARMONIC = 2.0**-51
 """The last harmonics against the mean, from which on the series is that of doubles."""
-LASTING = 2e-25
+LASTING_MEAN_ERROR = 2e-25
 """Error of half a period, against it, for which twice as many places are taken."""
-FAR = 1e-4
+UNRESOLVED_HARMONIC = 1e-4
 """The same, above which twice as many places are too few."""
-LAST = 4
+LAST_HARMONICS = 4
 """Harmonics of which the largest counts."""
-REST_OF_PI = 1.2246467991473532e-16
 
 
 def _tables() -> tuple[FloatArray, FloatArray]:
     with ctx.workprec(160):
-        cosines = [doubled((arb.pi() * t / (2 * MOST)).cos()) for t in range(4 * MOST)]
-        over = [doubled(1 / (arb.pi() * max(k, 1))) for k in range(MOST)]
+        cosines = [doubled((arb.pi() * t / (2 * MOST_PLACES)).cos()) for t in range(4 * MOST_PLACES)]
+        over = [doubled(1 / (arb.pi() * max(k, 1))) for k in range(MOST_PLACES)]
     return np.array(cosines), np.array(over)
 
 
 COSINES, OVER = _tables()
-"""At multiples of π/(2 MOST), a turn in all; and 1/(kπ)."""
+"""At multiples of π/(2 MOST_PLACES), a turn in all; and 1/(kπ)."""
 
 
 @kernel
@@ -118,7 +118,7 @@ def _put_angles(ends: tuple[Twice, Twice], number: int, first: int, count: int, 
     middle, half = add(ends[0], ends[1]), subtract(ends[1], ends[0])
     middle, half = (0.5 * middle[0], 0.5 * middle[1]), (0.5 * half[0], 0.5 * half[1])
     for m in range(count):
-        t = (2 * (first + m) + 1) * (MOST // number)
+        t = (2 * (first + m) + 1) * (MOST_PLACES // number)
         cosine = (COSINES[t, 0], COSINES[t, 1])
         at = subtract(middle, multiply(half, cosine))
         pairs[ANGLE, m], pairs[ANGLE + 1, m] = at
@@ -141,11 +141,11 @@ def _fold(rates: FloatArray, number: int, mean: Twice, folded: FloatArray) -> No
 def _largest_of(folded: FloatArray, number: int, end: int) -> float:
     """Return the largest of the harmonics before ``end``, to the digits of the rates."""
     largest = 0.0
-    stride = MOST // number
-    for k in range(end - LAST, end):
+    stride = MOST_PLACES // number
+    for k in range(end - LAST_HARMONICS, end):
         row, total = 2 * (k % 2), (0.0, 0.0)
         for j in range(number // 2):
-            t = k * (2 * j + 1) * stride % (4 * MOST)
+            t = k * (2 * j + 1) * stride % (4 * MOST_PLACES)
             value = (folded[row, j], folded[row + 1, j])
             total = add(total, multiply(value, (COSINES[t, 0], COSINES[t, 1])))
         largest = max(largest, 2.0 * abs(total[0]) / number)
@@ -155,7 +155,7 @@ def _largest_of(folded: FloatArray, number: int, end: int) -> float:
 @kernel
 def _fill_series(folded: FloatArray, number: int, mean: Twice, series: FloatArray, times: FloatArray) -> None:
     """Fill in all harmonics a_k, as doubles, and a_k/(kπ) with twice the digits, a row and its rest."""
-    stride, last = MOST // number, 4 * MOST
+    stride, last = MOST_PLACES // number, 4 * MOST_PLACES
     share = divide((2.0, 0.0), (float(number), 0.0))
     series[0] = mean[0]
     for k in range(1, number):
@@ -165,7 +165,7 @@ def _fill_series(folded: FloatArray, number: int, mean: Twice, series: FloatArra
             high, c = folded[row, j], COSINES[t, 0]
             product = high * c
             rest += fused(high, c, -product) + (high * COSINES[t, 1] + folded[row + 1, j] * c)
-            total, left = exact_sum(total, product)
+            total, left = two_sum(total, product)
             rest += left
             t += step
             t -= last if t >= last else 0
@@ -177,17 +177,17 @@ def _fill_series(folded: FloatArray, number: int, mean: Twice, series: FloatArra
 @kernel
 def time_of(times: FloatArray, length: int, mean: Twice, u: float) -> Twice:
     """Return the time from 0 to ``u``, a multiple of 1/256, by the series of the rate."""
-    total, parts = scale(mean, u), int(2 * MOST * u)
+    total, parts = scale(mean, u), int(2 * MOST_PLACES * u)
     # sin kπu = cos(kπu − π/2).
-    t = 3 * MOST
+    t = 3 * MOST_PLACES
     high, rest = total
     for k in range(1, length):
         t += parts
-        t -= 4 * MOST if t >= 4 * MOST else 0
+        t -= 4 * MOST_PLACES if t >= 4 * MOST_PLACES else 0
         one, c = times[0, k], COSINES[t, 0]
         product = one * c
         rest += fused(one, c, -product) + (one * COSINES[t, 1] + times[1, k] * c)
-        high, left = exact_sum(high, product)
+        high, left = two_sum(high, product)
         rest += left
     return quick_sum(high, rest)
 
@@ -208,12 +208,12 @@ def find_harmonics(
 
     Return its length (0: none), its mean, the error of that, and that of :func:`time_of`.
     """
-    rates, folded = np.empty((MOST, 2)), np.empty((4, MOST // 2))
-    number = FEWEST
-    while number <= MOST:
+    rates, folded = np.empty((MOST_PLACES, 2)), np.empty((4, MOST_PLACES // 2))
+    number = FEWEST_PLACES
+    while number <= MOST_PLACES:
         errors, total = 0.0, (0.0, 0.0)
-        for first in range(0, number, TOGETHER):
-            count = min(TOGETHER, number - first)
+        for first in range(0, number, PLACES_TOGETHER):
+            count = min(PLACES_TOGETHER, number - first)
             _put_angles(ends, number, first, count, pairs)
             here = rates[first : first + count]
             rates_doubled(formula, loop, curve, ends, pairs, count, here)
@@ -229,12 +229,12 @@ def find_harmonics(
         # From n to 2n they fall as from 3n/4 to n, four times over: half of that is kept.
         fall = min(1.0, last / before) if before > 0.0 else 1.0
         # Half as many again would do for some, but only twice as many are there.
-        is_fine = 4.0 * last * fall * fall <= LASTING * mean[0] or number == MOST
-        if last <= RESOLVED * mean[0] and is_fine:
+        is_fine = 4.0 * last * fall * fall <= LASTING_MEAN_ERROR * mean[0] or number == MOST_PLACES
+        if last <= RESOLVED_HARMONIC * mean[0] and is_fine:
             _fill_series(folded, number, mean, series, times)
             rounding = errors / number + 2.0**-98 * mean[0]
             # Σ|a_k| (1/(kπ) + 1/((2n − k)π)) over what is left out, and interpolated: while a quarter of n
             # harmonics falls to 7/8 at least, it is below 3 of the last.
             return number, mean, 4.0 * last * fall * fall + rounding, 4.0 * (last + rounding)
-        number *= 4 if last > FAR * mean[0] else 2
+        number *= 4 if last > UNRESOLVED_HARMONIC * mean[0] else 2
     return 0, (math.nan, 0.0), math.nan, math.nan

@@ -5,21 +5,22 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.solution.dense_output import EPSILON
 from workers.solvers.compiled.doubled.arithmetic import Twice, add, scale, sine_and_cosine, subtract
 from workers.solvers.compiled.doubled.curve import ANGLE, ROWS, DoubledCurve, curve_of, ends_of
 from workers.solvers.compiled.doubled.harmonics import (
-    MOST,
-    REST_OF_PI,
-    TOGETHER,
+    MOST_PLACES,
+    PLACES_TOGETHER,
     find_harmonics,
     rates_doubled,
     time_of,
 )
 from workers.solvers.compiled.evaluation.curve import place
 from workers.solvers.compiled.evaluation.low_degree import is_of_low_degree
+from workers.solvers.compiled.evaluation.program import REST_OF_PI
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Found, Loop, Panel, Records
-from workers.solvers.compiled.time_map.error import EPSILON, add_roundings
+from workers.solvers.compiled.time_map.error import add_roundings
 from workers.solvers.compiled.time_map.panels import build_panels
 from workers.solvers.compiled.time_map.sampling import extent
 from workers.solvers.compiled.time_map.series import at, distance, larger, time_at
@@ -28,15 +29,15 @@ from workers.solvers.compiled.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
 
-SHARES = (0.23, 0.71)
+COMPARED_SHARES = (0.23, 0.71)
 """Shares of the lengths of panels, in turn, at which their series are compared with the formula."""
-SEEN, OWN = 4.0, 4.0
+DEPARTURE_FACTOR, SERIES_ULPS = 4.0, 4.0
 """Times what is seen there; and roundings of a series at a place, in 2^-52."""
-START = 8.0
+START_ULPS = 8.0
 """Roundings of the phase at the start, in 2^-52."""
-COARSEST, EXACT = 1e-9, 1e-20
+LARGEST_ERROR, LARGEST_PERIOD_ERROR = 1e-9, 1e-20
 """The largest error of a variable within one period, and of the period relative to it, that is claimed."""
-MIDDLE = 2.0**-80
+SYMMETRIC_SINE = 2.0**-80
 """Sine or cosine of the middle of an arc that is symmetric about a pole or the equator."""
 
 
@@ -51,7 +52,7 @@ def map_time_doubled(
     """
     if loop.rotates or not is_of_low_degree(formula):
         return
-    pairs = np.empty((ROWS, TOGETHER + 16))
+    pairs = np.empty((ROWS, PLACES_TOGETHER + 16))
     curve = curve_of(loop)
     middle = math.atan2(loop.s_middle, loop.c_middle)
     lower, upper = middle - loop.half_width, middle + loop.half_width
@@ -60,7 +61,7 @@ def map_time_doubled(
         return
     ends = (low_end, high_end)
     _set_ends(loop, curve, ends)
-    series, times = np.empty(MOST), np.empty((2, MOST))
+    series, times = np.empty(MOST_PLACES), np.empty((2, MOST_PLACES))
     length, mean, error, left = find_harmonics(
         formula, loop, curve, ends, off, pairs, workspace.places, series, times
     )
@@ -81,7 +82,7 @@ def map_time_doubled(
     if number == 0:
         return
     loop.period_hi, loop.period_lo = 2.0 * mean[0], 2.0 * mean[1]
-    worst = _worst_seen(formula, loop, curve, ends, panels, number) + OWN * EPSILON
+    worst = _worst_seen(formula, loop, curve, ends, panels, number) + SERIES_ULPS * EPSILON
     astray = np.empty(number)
     _set_starts(times, length, mean, worst, left, panels, number, astray)
     is_symmetric = loop.s_middle == 0.0 or loop.c_middle == 0.0
@@ -99,12 +100,12 @@ def map_time_doubled(
     found.time_error = left
     if is_between:
         # Of the time at the start, which is that of all.
-        found.time_error += START * EPSILON * _rate_at(panels, number, loop.start) + _largest_of(astray)
+        found.time_error += START_ULPS * EPSILON * _rate_at(panels, number, loop.start) + _largest_of(astray)
     # The series are all of one function: their lengths are its mean, up to roundings.
     is_one = abs((total - mean[0]) - mean[1]) <= 2.0 * worst * mean[0]
-    is_exact = found.period_error <= EXACT * found.period
+    is_exact = found.period_error <= LARGEST_PERIOD_ERROR * found.period
     within = found.time_error * found.speed + found.moved + worst * found.largest
-    if is_one and is_exact and within <= COARSEST:
+    if is_one and is_exact and within <= LARGEST_ERROR:
         found.panels = number
 
 
@@ -127,7 +128,7 @@ def _set_starts(
     for n in range(number):
         panel = panels[n]
         u = 0.5 * panel.anchor + (0.0 if panel.first == 0.0 else panel.low)
-        parts, before = 2 * MOST * u, 0.0
+        parts, before = 2 * MOST_PLACES * u, 0.0
         if parts == math.floor(parts):
             panel.start, panel.start_lo = time_of(times, length, mean, u)
         else:
@@ -171,31 +172,26 @@ def _set_ends(loop: Loop, curve: DoubledCurve, ends: tuple[Twice, Twice]) -> Non
     loop.s_upper, loop.c_upper = sine[0], cosine[0]
     sine, cosine = sine_and_cosine(scale(add(ends[0], ends[1]), 0.5))
     loop.s_middle, loop.c_middle = sine[0], cosine[0]
-    if abs(cosine[0]) < MIDDLE:
+    if abs(cosine[0]) < SYMMETRIC_SINE:
         loop.s_middle, loop.c_middle = math.copysign(1.0, sine[0]), 0.0
-    elif abs(sine[0]) < MIDDLE:
+    elif abs(sine[0]) < SYMMETRIC_SINE:
         loop.s_middle, loop.c_middle = 0.0, math.copysign(1.0, cosine[0])
 
 
 @kernel
 def _x_of(panel: Panel, n: int) -> float:
-    return float(panel.first + (panel.last - panel.first) * SHARES[n % 2])
+    return float(panel.first + (panel.last - panel.first) * COMPARED_SHARES[n % 2])
 
 
 @kernel
 def _worst_seen(
-    formula: Formula,
-    loop: Loop,
-    curve: DoubledCurve,
-    ends: tuple[Twice, Twice],
-    panels: Records,
-    number: int,
+    formula: Formula, loop: Loop, curve: DoubledCurve, ends: tuple[Twice, Twice], panels: Records, number: int
 ) -> float:
     """Return what is to be counted of the largest departure of the series from the rate of the formula."""
-    pairs, rates = np.empty((ROWS, TOGETHER + 16)), np.empty((TOGETHER, 2))
+    pairs, rates = np.empty((ROWS, PLACES_TOGETHER + 16)), np.empty((PLACES_TOGETHER, 2))
     worst = 0.0
-    for begin in range(0, number, TOGETHER):
-        count = min(TOGETHER, number - begin)
+    for begin in range(0, number, PLACES_TOGETHER):
+        count = min(PLACES_TOGETHER, number - begin)
         for m in range(count):
             panel = panels[begin + m]
             x = _x_of(panel, begin + m)
@@ -210,7 +206,7 @@ def _worst_seen(
             seen = abs(slope / (0.5 * (panel.high - panel.low)) / rates[m, 0] - 1.0)
             if not seen <= worst:
                 worst = seen
-    return SEEN * worst
+    return DEPARTURE_FACTOR * worst
 
 
 @kernel

@@ -50,12 +50,7 @@ def loop_points(loop: Loop, places: Places | Moments, count: int) -> None:
 
 
 @kernel
-def radicands(
-    formula: Formula,
-    loop: Loop,
-    places: Places,
-    count: int,
-) -> None:
+def radicands(formula: Formula, loop: Loop, places: Places, count: int) -> None:
     """Fill in P at places whose sines and cosines are known."""
     loop_points(loop, places, count)
     factor = -loop.factor if loop.mirrored else loop.factor
@@ -66,12 +61,7 @@ def radicands(
 
 
 @inlined
-def radicands_with_bounds(
-    formula: Formula,
-    loop: Loop,
-    places: Places,
-    count: int,
-) -> None:
+def radicands_with_bounds(formula: Formula, loop: Loop, places: Places, count: int) -> None:
     """Fill in P and the bound of its rounding."""
     loop_points(loop, places, count)
     sign = -1.0 if loop.mirrored else 1.0
@@ -159,12 +149,7 @@ def factor_by_roots(loop: Loop, below: float, above: float, sine: float, cosine:
 
 
 @inlined
-def rates(
-    formula: Formula,
-    loop: Loop,
-    places: Places,
-    count: int,
-) -> None:
+def rates(formula: Formula, loop: Loop, places: Places, count: int) -> None:
     """Fill in dt/du at places that are there as :func:`place` has them."""
     if loop.by_roots:
         loop_points(loop, places, count)

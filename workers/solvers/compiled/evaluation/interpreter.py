@@ -43,7 +43,7 @@ LARGEST_PRODUCT: Final = 64.0
 """Whole powers up to this one are products."""
 Run = Callable[[IntArray, FloatArray, FloatArray, R, int], None]
 """Fills in the registers of a program, given the code, the constants, their low parts, the registers, and
-the number of points. Those of g1, g2 and g3 are there, and behind those of the instructions is one more."""
+the number of points. Those of g1, g2 and g3 are there, and behind those of the instructions are two more."""
 
 
 class Constant(NamedTuple):
@@ -91,6 +91,14 @@ class CompiledArithmetic(NamedTuple, Generic[T]):
     """Powers and inverses are as in :class:`RowArithmetic`."""
 
 
+@inlined
+def _unused(n: int, free: int, product: int, factor: int) -> int:
+    """Return one of three registers that is none of two others."""
+    if free not in (product, factor):
+        return free
+    return n if n not in (product, factor) else free + 1
+
+
 def interpreter(rows: RowArithmetic[R], module: str, name: str) -> Run[R]:
     """Return the loop over a program's operations in an arithmetic, which gets this name in a module."""
     number, add, subtract, multiply, divide, power, apply, inverts_first = rows
@@ -113,24 +121,35 @@ def interpreter(rows: RowArithmetic[R], module: str, name: str) -> Run[R]:
                 exponent = (constants[slot] if slot >= 0 else 0.0) + j
                 is_exact = slot < 0 or len(lows) == 0 or lows[slot] == 0.0
                 if is_exact and exponent == math.floor(exponent) and abs(exponent) <= LARGEST_PRODUCT:
-                    left, is_begun = int(abs(exponent)), False
-                    number(registers, n, one, count)
-                    if inverts_first and exponent < 0.0:
+                    left, factor, product = int(abs(exponent)), i, -1
+                    is_inverse = exponent < 0.0
+                    if inverts_first and is_inverse:
+                        number(registers, n, one, count)
                         divide(registers, free, n, i, count)
-                    else:
-                        apply(registers, free, i, COPY, count)
+                        factor, is_inverse = free, False
+                    # No register is filled from itself but where none is left: that goes number by number.
                     while left:
-                        if left & 1 and is_begun:
-                            multiply(registers, n, n, free, count)
-                        elif left & 1:
-                            apply(registers, n, free, COPY, count)
-                            is_begun = True
+                        if left & 1:
+                            if product >= 0:
+                                to = n if left == 1 and not is_inverse else _unused(n, free, product, factor)
+                                multiply(registers, to, product, factor, count)
+                                product = to
+                            else:
+                                product = factor
                         left >>= 1
                         if left:
-                            multiply(registers, free, free, free, count)
-                    if exponent < 0.0 and not inverts_first:
-                        number(registers, free, one, count)
-                        divide(registers, n, free, n, count)
+                            is_last = left == 1 and product < 0 and not is_inverse
+                            to = n if is_last else _unused(n, free, product, factor)
+                            multiply(registers, to, factor, factor, count)
+                            factor = to
+                    if product < 0:
+                        number(registers, n, one, count)
+                    elif is_inverse:
+                        to = _unused(n, free, product, n)
+                        number(registers, to, one, count)
+                        divide(registers, n, to, product, count)
+                    elif product != n:
+                        apply(registers, n, product, COPY, count)
                 else:
                     power(registers, n, i, Constant(constants, lows, slot, j), count)
             elif operation == GENERAL_POWER:
@@ -140,10 +159,10 @@ def interpreter(rows: RowArithmetic[R], module: str, name: str) -> Run[R]:
             else:
                 apply(registers, n, i, operation, count)
 
-    return kernel(_named(run, module, name))
+    return kernel(named(run, module, name))
 
 
-def _named(function: F, module: str, name: str) -> F:
+def named(function: F, module: str, name: str) -> F:
     """Return a function under the name by which its code is found, with what that module imports."""
     function.__module__, function.__name__, function.__qualname__ = module, name, name
     return function
@@ -192,7 +211,7 @@ def interpreter_of(arithmetic: CompiledArithmetic[T], module: str, name: str) ->
                 put(registers, to, m, call(operation, get(registers, i, m)))
 
     def inside(function: F) -> F:
-        return inlined(_named(function, module, f"{name}_{function.__name__}"))
+        return inlined(named(function, module, f"{name}_{function.__name__}"))
 
     rows = RowArithmetic(
         inside(put_number),
@@ -393,7 +412,7 @@ run_bounded = interpreter_of(
 @kernel
 def new_registers(code: IntArray, parts: int, width: int) -> FloatArray:
     """Return the registers on which a program is run."""
-    return np.empty((parts, code.shape[0] + 4, width))
+    return np.empty((parts, code.shape[0] + 5, width))
 
 
 @kernel

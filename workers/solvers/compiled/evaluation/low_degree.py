@@ -15,7 +15,7 @@ from workers.solvers.compiled.evaluation.program import ABS
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Formula
 
-HIGHEST = 12.0
+HIGHEST_DEGREE = 12.0
 """Degree, of either sign, of the products of g1, g2 and g3 that V is a sum of."""
 NUMBER, PRODUCT, SUM, OTHER = 0.0, 1.0, 2.0, 3.0
 """The kinds of registers: a number, a product of powers of g1 and g3, a sum of such products and whole powers
@@ -37,7 +37,7 @@ def _of(x: Degrees) -> Degrees:
 
 @inlined
 def _within(low: float, high: float, kind: float) -> Degrees:
-    return low, high, kind if low >= -HIGHEST and high <= HIGHEST else OTHER
+    return low, high, kind if low >= -HIGHEST_DEGREE and high <= HIGHEST_DEGREE else OTHER
 
 
 @kernel

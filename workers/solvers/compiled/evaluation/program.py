@@ -19,7 +19,8 @@ from workers.solvers.compiled.records import Instructions
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_REST_OF_PI = 1.2246467991473532e-16
+REST_OF_PI = 1.2246467991473532e-16
+"""What the double of π leaves out, as a double."""
 _ALL_EXACT = 2**53
 
 _OPERATIONS = ("constant", "add", "subtract", "multiply", "divide", "negate", "power", "general_power")
@@ -80,7 +81,7 @@ def has_number(instruction: Instruction) -> bool:
 def rest_of(number: Fraction | None, known: float) -> float:
     """Return what a double leaves out of a number, of π for None; NaN where that is no small number."""
     if number is None:
-        return _REST_OF_PI
+        return REST_OF_PI
     if number.denominator == 1 and abs(number.numerator) < _ALL_EXACT:
         return 0.0
     return float(number - Fraction(known)) if math.isfinite(known) else math.nan

@@ -44,15 +44,15 @@ FloatArray = NDArray[np.float64]
 
 NODES = 3
 """Number of Gauss's nodes in a part of a step."""
-OUTWARDS = math.sqrt(0.6)
+OUTER_NODE = math.sqrt(0.6)
 """The first and the last of them, in [−1, 1]."""
-LONGEST = 1.25
+LONGEST_NORM = 1.25
 """Largest norm of J times a length: the series of the exponential, up to the order 9, leaves 1e-6 out."""
 MOST_PARTS = 16
-APART = 2.0**-10
+DIFFERENCE_SHARE = 2.0**-10
 """Half the distance of two states whose rates are compared, in parts of ω, and of the way of γ in a step.
 Such a step is shorter than any feature of V on it: the difference leaves out some 1e-7 of J."""
-NEAREST, FARTHEST = 2.0**-26, 2.0**-16
+LEAST_DIFFERENCE, LARGEST_DIFFERENCE = 2.0**-26, 2.0**-16
 """The same in parts of γ, at least and at most: roundings are then 1e-8 of J, and mostly 1e-11."""
 _SPREAD, _SIGMA, _WORK = 3 * STATE, 4 * STATE, 4 * STATE + 1
 """Rows of the room at which P, σ and the matrices of the exponential begin; before them is J at the nodes."""
@@ -173,7 +173,7 @@ def _pass_on(room: int, time: float) -> float:
 @kernel
 def parts_of(norm: float, time: float) -> int:
     """Return into how many parts a step is cut, by the norm of J in its middle and its length."""
-    needed = abs(time) * norm / LONGEST
+    needed = abs(time) * norm / LONGEST_NORM
     return min(math.ceil(max(needed, 1.0)), MOST_PARTS) if needed < math.inf else 1
 
 
@@ -190,14 +190,14 @@ def _put_distances(series: int, length: int, few: int, apart: FloatArray) -> Non
         turn = max(turn, number_at(few, 1, a))
         reach, goes = max(reach, number_at(few, 1, 3 + a)), max(goes, number_at(few, 0, 3 + a))
     for a in range(3):
-        apart[a] = APART * turn if turn > 0.0 else APART
-        apart[3 + a] = min(max(APART * goes, NEAREST * reach), FARTHEST * reach)
+        apart[a] = DIFFERENCE_SHARE * turn if turn > 0.0 else DIFFERENCE_SHARE
+        apart[3 + a] = min(max(DIFFERENCE_SHARE * goes, LEAST_DIFFERENCE * reach), LARGEST_DIFFERENCE * reach)
 
 
 @kernel
 def _put_places(series: int, length: int, middle: float, half: float, at_nodes: int) -> None:
     """Put the states at the nodes of a part of a step into rows."""
-    x, y, z = middle - OUTWARDS * half, middle, middle + OUTWARDS * half
+    x, y, z = middle - OUTER_NODE * half, middle, middle + OUTER_NODE * half
     # Three sums do not wait for one another.
     a, b, c = spread(0.0), spread(0.0), spread(0.0)
     d, e, f = a, b, c
@@ -324,14 +324,7 @@ def grown(
             rounding = noise * abs(time) / (math.sqrt(parts) * size)
             share = 1.0 / size if part == parts - 1 else 0.0
             _put_deviations(
-                equations,
-                registers,
-                states,
-                at_nodes,
-                rounding,
-                at_nodes + ROW * NODES,
-                share,
-                room,
+                equations, registers, states, at_nodes, rounding, at_nodes + ROW * NODES, share, room
             )
             here = _pass_on(room, time / parts)
             if not here <= most:

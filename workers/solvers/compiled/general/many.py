@@ -19,7 +19,7 @@ from workers.solvers.compiled.lanes import LANES
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-SHARES = (0.0, 1.0, 0.5, 0.25)
+TOLERANCE_SHARES = (0.0, 1.0, 0.5, 0.25)
 """The local tolerances of the runs, as shares of the way from the fine to the coarse one, in logarithms."""
 MOST_STEPS = 2**14
 """Longer runs are left to code that keeps one at a time: those of all lanes would take some hundred MB."""
@@ -53,7 +53,7 @@ def _run_all(
             run = (lane - width * n) // (width // RUNS)
             is_back = (lane - width * n) % 2 == 0 if width == 2 * RUNS else asked.first < 0.0
             ends[lane] = asked.first if is_back else asked.last
-            tolerances[lane] = asked.fine * math.pow(asked.coarse / asked.fine, SHARES[run])
+            tolerances[lane] = asked.fine * math.pow(asked.coarse / asked.fine, TOLERANCE_SHARES[run])
             has_own_start, has_own_model = run in (0, 3), run in (0, 2)
             for a in range(STATE):
                 starts[a, lane] = states[begin + n, a] if has_own_start else others[begin + n, a]

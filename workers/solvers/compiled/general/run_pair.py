@@ -12,7 +12,7 @@ from workers.solvers.compiled.general.growth import grown
 from workers.solvers.compiled.general.records import Asked, Models
 from workers.solvers.compiled.general.sampling import compare, new_values_at, widen
 from workers.solvers.compiled.general.series import COUNT, STATE
-from workers.solvers.compiled.general.steps import ARRIVED, FAILED, SPACING, seen
+from workers.solvers.compiled.general.steps import ARRIVED, FAILED, TIME_SPACING, seen
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import LANES
 from workers.solvers.compiled.records import Equations
@@ -78,19 +78,7 @@ def _holds(
         return True, 0.0, 0.0
     allowed = defects * largest
     goal = min(goal * abs(breaks[-1]), 0.1 * allowed * len(series))
-    return hold(
-        equations,
-        breaks,
-        series,
-        length,
-        goal,
-        allowed,
-        compares,
-        claim,
-        reference,
-        slack,
-        0.0,
-    )
+    return hold(equations, breaks, series, length, goal, allowed, compares, claim, reference, slack, 0.0)
 
 
 @kernel
@@ -212,7 +200,7 @@ def _collision(
         )
         if status == OPEN or abs(time) < abs(found[0]):
             found[0], found[2], found[3] = time, sizes[lane, 0], sizes[lane, 1]
-            found[1] = asked.safety * gap + abs(left) + late + SPACING * abs(time)
+            found[1] = asked.safety * gap + abs(left) + late + TIME_SPACING * abs(time)
         status = COLLIDED
     return status
 
@@ -248,18 +236,7 @@ def settle(
             steps[run] = counts[lanes[run]]
         has_arrived = has_arrived and statuses[lanes[run]] == ARRIVED
     if not has_arrived:
-        status = _collision(
-            equations,
-            lanes,
-            statuses,
-            steps,
-            all_breaks,
-            pieces,
-            sizes,
-            apart,
-            asked,
-            found,
-        )
+        status = _collision(equations, lanes, statuses, steps, all_breaks, pieces, sizes, apart, asked, found)
         return status, all_breaks[lane], pieces[lane], 1
     if steps[0] + steps[1] == 0:
         return OPEN, all_breaks[lane], pieces[lane], 1
@@ -290,13 +267,7 @@ def settle(
         )
         widen(values, new_values_at(other_breaks, other_series, own_length, check, none), gaps)
     error, difference, energy, stray, reference = compare(
-        equations,
-        start[0],
-        values,
-        gaps,
-        check,
-        asked.safety,
-        asked.rounding,
+        equations, start[0], values, gaps, check, asked.safety, asked.rounding
     )
     growth = 0.0
     if error <= asked.tolerance or asked.is_last:
@@ -304,14 +275,7 @@ def settle(
             if steps[run] > 0:
                 own = all_breaks[lanes[run], : steps[run] + 1]
                 deviations = grown(
-                    equations,
-                    own,
-                    pieces[lanes[run]],
-                    length,
-                    apart,
-                    asked.noise,
-                    asked.tail,
-                    largest,
+                    equations, own, pieces[lanes[run]], length, apart, asked.noise, asked.tail, largest
                 )
                 growth = max(growth, _beyond_first_order(asked.safety * np.max(deviations), largest))
         error += growth

@@ -31,7 +31,7 @@ from workers.solvers.compiled.residual.states import WIDTH, evaluate
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-TOGETHER = 4
+TIMES_TOGETHER = 4
 """Times whose sums do not wait for one another."""
 
 
@@ -86,14 +86,14 @@ def values_at(
     """Fill in the variables at the sums of ``times`` and ``rests``, if there are any.
 
     ``series`` has the shape (pieces, at least ``length``, LANES), ``values`` (n, LANES) with
-    n at least the number of times, rounded up to a multiple of ``TOGETHER``.
+    n at least the number of times, rounded up to a multiple of ``TIMES_TOGETHER``.
     """
     piece, width = 0, series.shape[1]
     rows, out = place_of(series), place_of(values)
-    places, pieces = np.empty(TOGETHER), np.empty(TOGETHER, dtype=np.int64)
+    places, pieces = np.empty(TIMES_TOGETHER), np.empty(TIMES_TOGETHER, dtype=np.int64)
     at = place_of(places)
-    for begin in range(0, len(times), TOGETHER):
-        for n in range(TOGETHER):
+    for begin in range(0, len(times), TIMES_TOGETHER):
+        for n in range(TIMES_TOGETHER):
             m = min(begin + n, len(times) - 1)
             time = times[m]
             piece = _piece_of(breaks, time, piece)
@@ -110,7 +110,7 @@ def new_values_at(
     breaks: FloatArray, series: FloatArray, length: int, times: FloatArray, rests: FloatArray
 ) -> FloatArray:
     """Return what :func:`values_at` fills in, with some rows too many."""
-    values = np.empty(((len(times) + TOGETHER - 1) // TOGETHER * TOGETHER, LANES))
+    values = np.empty(((len(times) + TIMES_TOGETHER - 1) // TIMES_TOGETHER * TIMES_TOGETHER, LANES))
     values_at(breaks, series, length, times, rests, values)
     return values
 

@@ -25,8 +25,6 @@ STATE = 6
 ORDER = 24
 COUNT = ORDER + 1
 """Rows of a register."""
-PRODUCTS = 9
-"""Sums that the equations are made of."""
 
 
 @kernel

@@ -37,11 +37,11 @@ IntArray = NDArray[np.int64]
 
 ARRIVED, FAILED, TIRED, GOING = range(4)
 """How a run ends: at its end; by what is not finite, or a collapsed step; by its number of steps."""
-CAUTION = 0.98
-ROOM = 64
+STEP_SHARE = 0.98
+FIRST_ROOM_STEPS = 64
 """Steps for which there is memory at first."""
-INVISIBLE = 2.0**-54
-SPACING = 2.0**-50
+INVISIBLE_SHARE = 2.0**-54
+TIME_SPACING = 2.0**-50
 """Spacing of times, relative to the time: some ulp."""
 
 
@@ -132,7 +132,7 @@ def seen(pieces: FloatArray) -> tuple[int, float]:
         most = max(most, top)
         while k >= length:
             tail += number_at(sizes, k, a)
-            if tail > INVISIBLE * top:
+            if tail > INVISIBLE_SHARE * top:
                 length = k + 1
             k -= 1
     # Up to here the room has an owner.
@@ -151,7 +151,7 @@ def _gradient_size(u: int, gradient: IntArray, lane: int) -> float:
 @kernel
 def new_pieces(motions: int) -> FloatArray:
     """Return room for the series of some motions."""
-    return np.empty((motions, ROOM, COUNT, LANES))
+    return np.empty((motions, FIRST_ROOM_STEPS, COUNT, LANES))
 
 
 @kernel
@@ -202,7 +202,7 @@ def take_steps(
     counts, statuses = np.zeros(used, dtype=np.int64), np.full(used, GOING)
     is_finite = np.ones(used, dtype=np.bool_)
     for lane in range(used):
-        shares[lane] = CAUTION * math.pow(tolerances[lane], 1.0 / (ORDER + 1.0))
+        shares[lane] = STEP_SHARE * math.pow(tolerances[lane], 1.0 / (ORDER + 1.0))
         if ends[lane] == 0.0:
             statuses[lane] = ARRIVED
     sizes = np.empty((used, 2))
@@ -231,7 +231,7 @@ def take_steps(
             is_cut = limit <= step
             step = min(step, limit)
             longest_taken[lane] = max(longest_taken[lane], step)
-            if not is_cut and not step > max(collapsed * longest_taken[lane], SPACING * abs(time)):
+            if not is_cut and not step > max(collapsed * longest_taken[lane], TIME_SPACING * abs(time)):
                 statuses[lane] = FAILED
                 continue
             following[lane] = end if at_end else time + math.copysign(step, end)

@@ -1,8 +1,8 @@
 """Arithmetic on numbers of twice the digits that carry a bound of their error.
 
 The bounds are those of :mod:`compiled.doubled.arithmetic`, with room: a sum, product, quotient or root is off
-by less than ``ROUNDING`` of itself, a function by less than ``FUNCTION`` of itself and of its argument, which
-is reduced. Bounds are rounded to nearest: whoever uses one doubles it.
+by less than ``OPERATION_ERROR`` of itself, a function by less than ``FUNCTION_ERROR`` of itself and of its
+argument, which is reduced. Bounds are rounded to nearest: whoever uses one doubles it.
 """
 
 import math
@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from workers.solvers.compiled.discs.arithmetic import UNDERFLOW
 from workers.solvers.compiled.doubled.arithmetic import (
     add,
     divide,
@@ -34,12 +35,10 @@ FloatArray = NDArray[np.float64]
 Known = tuple[float, float, float]
 """A double, the rest, and how far the number may be from their sum: inf or NaN where it is not known."""
 
-ROUNDING: Final = 2.0**-100
-FUNCTION: Final = 2.0**-94
-TINY: Final = 1e-300
-"""More than products lose to the smallest doubles."""
+OPERATION_ERROR: Final = 2.0**-100
+FUNCTION_ERROR: Final = 2.0**-94
 _LARGEST_ANGLE: Final = 1e5
-_CONSTANT: Final = 2.0**-104
+_CONSTANT_ERROR: Final = 2.0**-104
 """Relative error of a constant whose low part is rounded too."""
 
 UNKNOWN: Known = (0.0, 0.0, math.inf)
@@ -48,15 +47,15 @@ UNKNOWN: Known = (0.0, 0.0, math.inf)
 @kernel
 def constant(high: float, low: float) -> Known:
     """Return a constant by its double and the double of the rest."""
-    is_exact = low == 0.0 and (high == 0.0 or abs(high) > TINY)
-    return high, low, 0.0 if is_exact else _CONSTANT * abs(high) + TINY
+    is_exact = low == 0.0 and (high == 0.0 or abs(high) > UNDERFLOW)
+    return high, low, 0.0 if is_exact else _CONSTANT_ERROR * abs(high) + UNDERFLOW
 
 
 @kernel
 def plus(x: Known, y: Known) -> Known:
     """Return x + y."""
     high, low = add((x[0], x[1]), (y[0], y[1]))
-    return high, low, x[2] + y[2] + ROUNDING * abs(high)
+    return high, low, x[2] + y[2] + OPERATION_ERROR * abs(high)
 
 
 @kernel
@@ -70,7 +69,7 @@ def times(x: Known, y: Known) -> Known:
     """Return x y."""
     high, low = multiply((x[0], x[1]), (y[0], y[1]))
     error = abs(x[0]) * y[2] + abs(y[0]) * x[2] + x[2] * y[2]
-    return high, low, error + ROUNDING * abs(high) + TINY
+    return high, low, error + OPERATION_ERROR * abs(high) + UNDERFLOW
 
 
 @kernel
@@ -80,16 +79,16 @@ def over(x: Known, y: Known) -> Known:
     if not least > 0.0:
         return UNKNOWN
     high, low = divide((x[0], x[1]), (y[0], y[1]))
-    return high, low, (x[2] + abs(high) * y[2]) / least + ROUNDING * abs(high) + TINY
+    return high, low, (x[2] + abs(high) * y[2]) / least + OPERATION_ERROR * abs(high) + UNDERFLOW
 
 
 @kernel
 def square_root(x: Known) -> Known:
     """Return √x of what is certainly positive."""
-    if not x[0] - x[2] > TINY:
+    if not x[0] - x[2] > UNDERFLOW:
         return UNKNOWN
     high, low = root((x[0], x[1]))
-    return high, low, x[2] / high + ROUNDING * high
+    return high, low, x[2] / high + OPERATION_ERROR * high
 
 
 @kernel
@@ -98,17 +97,17 @@ def exponential_of(x: Known) -> Known:
     high, low = exponential((x[0], x[1]))
     if not x[2] < 0.5:
         return UNKNOWN
-    return high, low, high * (2.0 * x[2] + FUNCTION * (1.0 + abs(x[0]))) + TINY
+    return high, low, high * (2.0 * x[2] + FUNCTION_ERROR * (1.0 + abs(x[0]))) + UNDERFLOW
 
 
 @kernel
 def logarithm_of(x: Known) -> Known:
     """Return log x of what is certainly positive."""
     least = x[0] - x[2]
-    if not least > TINY:
+    if not least > UNDERFLOW:
         return UNKNOWN
     high, low = logarithm((x[0], x[1]))
-    return high, low, x[2] / least + FUNCTION * (1.0 + abs(high))
+    return high, low, x[2] / least + FUNCTION_ERROR * (1.0 + abs(high))
 
 
 @kernel
@@ -135,7 +134,7 @@ def function(operation: int, x: Known) -> Known:
     if not abs(x[0]) <= _LARGEST_ANGLE:
         return UNKNOWN
     s, c = sine_and_cosine((x[0], x[1]))
-    error = x[2] + FUNCTION * (1.0 + abs(x[0]))
+    error = x[2] + FUNCTION_ERROR * (1.0 + abs(x[0]))
     if operation == SIN:
         return s[0], s[1], error
     if operation == COS:

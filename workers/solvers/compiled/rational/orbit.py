@@ -112,11 +112,9 @@ def _libration(stretch: Stretch, motion: PlanarMotion, loop: Loop) -> tuple[floa
         return None
     a, b = places[chosen] if half > 0.0 else (-places[chosen][1], -places[chosen][0])
     loop.rotates, loop.half_width = False, _double((b - a) / 2)
-    (
-        (loop.s_lower, loop.c_lower),
-        (loop.s_middle, loop.c_middle),
-        (loop.s_upper, loop.c_upper),
-    ) = _end_sines(stretch, a, b)
+    ((loop.s_lower, loop.c_lower), (loop.s_middle, loop.c_middle), (loop.s_upper, loop.c_upper)) = _end_sines(
+        stretch, a, b
+    )
     if kind == 3 and abs(loop.s_lower) > abs(loop.s_upper):
         kind = 4
     lo, hi = arcs[chosen].lo, arcs[chosen].hi

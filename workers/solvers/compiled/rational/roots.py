@@ -26,7 +26,7 @@ from typing import cast
 from flint import acb, arb, ctx, fmpq, fmpq_poly, fmpz_poly
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.algebras.monomials import as_fmpq
+from service.dynamics.formula.algebras.monomials import added_up, as_fmpq, without_zeros
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.potentials.terms.laurent import Laurent, laurent
 from service.dynamics.problem import PlanarMotion
@@ -36,7 +36,7 @@ from workers.solvers.three_terms.intervals import RootsUndecidedError, positive_
 PRECISIONS = (192, 512, 2048)
 GAP_BITS = 64
 MAX_NODES = 1024
-SETTLED = 1e-26
+SETTLED_CHANGE = 1e-26
 """Relative change of the mean by a doubling that is left to the claim: 1e-18 after 1e8 periods."""
 MAX_ROOTS = 16
 
@@ -105,14 +105,13 @@ def radicand_of(body: RigidBody, expanded: Laurent, nu: Fraction) -> Radicand | 
     if any(k or e or j % 2 for _, j, k, e in expanded):
         return None
     C = min(body.A, body.C)
-    terms: dict[int, fmpq] = {}
+    parts = list[tuple[int, fmpq]]()
     exact_nu, unit = as_fmpq(nu), as_fmpq(1 / (2 * C))
     for (i, j, _, _), value in expanded.items():
         weight = value * unit * exact_nu ** (j // 2)
         at = i + j // 2
-        terms[at] = terms.get(at, fmpq(0)) + weight * j
-        terms[at - 1] = terms.get(at - 1, fmpq(0)) - weight * i * exact_nu
-    terms = {power: value for power, value in terms.items() if value}
+        parts += [(at, weight * j), (at - 1, -weight * i * exact_nu)]
+    terms = without_zeros(added_up(parts))
     if not terms or max(terms) - min(terms) > MAX_ROOTS:
         return None
     lowest = min(terms)
@@ -169,7 +168,7 @@ def period_of_x(stretch: Stretch) -> Period | None:
         count *= 2
         previous, mean = mean, total / count
         change = abs(float((mean - previous) / mean))
-        if change < SETTLED:
+        if change < SETTLED_CHANGE:
             length = 2 * arb.pi() * mean / integrand.mean
             hi = float(length)
             lo = float(length - hi)
@@ -204,7 +203,7 @@ class _Integrand:
             self._L1 = (arb(1), arb(1))
         self._below, self._above, self._pairs = below, above, stretch.pairs
         self._lo, self._hi = lo, hi
-        leading = abs(_ball_of(stretch.radicand.polynomial[stretch.radicand.polynomial.degree()]))
+        leading = abs(arb(stretch.radicand.polynomial[stretch.radicand.polynomial.degree()]))
         self._constant = 4 * leading / _ball(stretch.radicand.nu)
         a = (self._L1[0] * self._L2[1]).sqrt()
         b = (self._L1[1] * self._L2[0]).sqrt()
@@ -281,13 +280,9 @@ def _zeros(radicand: Radicand) -> tuple[list[arb], tuple[tuple[arb, arb], ...]]:
 def _value(radicand: Radicand, x: arb) -> arb:
     total = arb(0)
     for k in range(radicand.polynomial.degree(), -1, -1):
-        total = total * x + _ball_of(radicand.polynomial[k])
+        total = total * x + arb(radicand.polynomial[k])
     return total
 
 
 def _ball(value: Fraction) -> arb:
     return arb(as_fmpq(value))
-
-
-def _ball_of(value: fmpq) -> arb:
-    return arb(value)

@@ -4,7 +4,6 @@ What breaks a bound, and what these bounds do not settle, is left to :mod:`servi
 which says by how much a claim is too small: here no claim is ever changed.
 """
 
-from collections.abc import Sequence
 from math import inf, isfinite
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE, ResidualEvidence
+from service.dynamics.equations.euler_poisson import moments_of
 from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
@@ -63,11 +63,7 @@ def samples_keep_claim(
     if equations is None:
         return False
     return samples_are_explained(
-        equations,
-        np.ascontiguousarray(samples),
-        claim,
-        _reference(energy),
-        energy.error,
+        equations, np.ascontiguousarray(samples), claim, _reference(energy), energy.error
     )
 
 
@@ -80,11 +76,7 @@ def _equations(body: RigidBody, potential: Potential) -> Equations | None:
 
 
 def _moments(body: RigidBody) -> FloatArray:
-    # A moment B that was left out is taken as :func:`.rates_at` takes it.
-    A, C = body.A, body.C
-    B = A + C if body.B is None else body.B
-    moments: Sequence[float] = [float(each) for each in (A, B, C, B - C, C - A, A - B)]
-    return np.array(moments)
+    return np.array([float(each) for each in moments_of(body)])
 
 
 _moments_of = IdentityCache(_moments)

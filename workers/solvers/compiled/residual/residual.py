@@ -43,12 +43,12 @@ from workers.solvers.compiled.residual.states import WIDTH, evaluate, integrals_
 
 FloatArray = NDArray[np.float64]
 
-DEEPEST = 8
+MAX_CUTS = 8
 """Cuts of a piece into halves."""
-PARTS = 2
-SHORTEST = 1e-3
+CUT_PARTS = 2
+SHORTEST_SHARE = 1e-3
 """Share, of the time that may be left out, below which a stretch is not cut any more."""
-OWN_ROUNDING = 2.0**-50
+STATE_ROUNDING = 2.0**-50
 """Rounding error of a state, relative to its size."""
 
 
@@ -72,26 +72,20 @@ def disc_of(
         T[k, 0] = 2.0 * middle * T[k - 1, 0] - T[k - 2, 0]
         T[k, 1] = 2.0 * T[k - 1, 0] + 2.0 * middle * T[k - 1, 1] - T[k - 2, 1]
     for a in range(6):
-        centre, total, slope, steep, first, second, whole = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        up, upper, lower = 1.0, 1.0, 1.0
+        centre, total, slope, steep, first, second = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        up = 1.0
         for k in range(count):
             size = abs(series[k, a])
             centre += T[k, 0] * series[k, a]
             slope += T[k, 1] * series[k, a]
             total += size
             if k > 0:
-                upper, lower = upper * sum_of_axes, lower / sum_of_axes
-                # |T_k(z) − T_k(0)| on the ellipse of a whole piece.
-                whole += (0.5 * (upper + lower) + (1.0 if k % 2 == 0 else 0.0)) * size
                 steep += k * k * size
                 first += k * k * up * size
                 second += k * k * (k * k - 1.0) / 3.0 * (up / rho if k > 1 else 1.0) * size
                 up *= rho
-        if half == 1.0:
-            wide = whole * (1.0 + SERIES_RELATIVE_ROUNDING)
-        else:
-            slope = abs(slope) + SERIES_RELATIVE_ROUNDING * steep
-            wide = min(s * first, s * slope + 0.5 * s * s * second) * (1.0 + SERIES_RELATIVE_ROUNDING)
+        slope = abs(slope) + SERIES_RELATIVE_ROUNDING * steep
+        wide = min(s * first, s * slope + 0.5 * s * s * second) * (1.0 + SERIES_RELATIVE_ROUNDING)
         centres[a], radii[a] = centre, wide + SERIES_RELATIVE_ROUNDING * total
 
 
@@ -130,7 +124,7 @@ def are_explained(
         if far <= energy and astray <= areas and long <= length:
             continue
         for a in range(6):
-            centres[a], radii[a] = states[a, m], claim + OWN_ROUNDING * abs(states[a, m])
+            centres[a], radii[a] = states[a, m], claim + STATE_ROUNDING * abs(states[a, m])
         integrals_on(equations, discs, centres, radii, found)
         for k in range(3):
             if not abs(found[0, k] - reference[k]) <= found[1, k] + (slack if k == 0 else 0.0):
@@ -140,11 +134,7 @@ def are_explained(
 
 @kernel
 def samples_are_explained(
-    equations: Equations,
-    samples: FloatArray,
-    claim: float,
-    reference: FloatArray,
-    slack: float,
+    equations: Equations, samples: FloatArray, claim: float, reference: FloatArray, slack: float
 ) -> bool:
     """Say whether an error ``claim`` explains the integrals of all samples, shape (n, 6)."""
     code = equations.gradient.code
@@ -200,7 +190,7 @@ def hold(
     registers, discs = new_registers(code, 1, WIDTH), new_registers(code, 2, 1)
     states, rates, integrals = np.empty((STATE, WIDTH)), np.empty((STATE, WIDTH)), np.empty((3, WIDTH))
     centres, radii, bounds = np.empty(STATE), np.empty(STATE), np.empty(STATE)
-    T, waiting = np.empty((HIGHEST_DEGREE + 1, 2)), np.empty((PARTS * DEEPEST + 1, 2))
+    T, waiting = np.empty((HIGHEST_DEGREE + 1, 2)), np.empty((CUT_PARTS * MAX_CUTS + 1, 2))
     gained, lost, first, missing = np.zeros(STATE), np.zeros(STATE), np.empty(STATE), np.zeros(STATE)
     kept = new_rows(2 * WIDTH + 10 * PLACES + 2)
     at_nodes = first_row(kept)
@@ -229,7 +219,7 @@ def hold(
             level = _level_for(bounds, share)
             if level < 0:
                 span = abs(breaks[n + 1] - breaks[n]) * half
-                if half < 0.5 * PARTS ** (1.0 - DEEPEST) or span < SHORTEST * most:
+                if half < 0.5 * CUT_PARTS ** (1.0 - MAX_CUTS) or span < SHORTEST_SHARE * most:
                     left_out += span
                     if not left_out <= most:
                         return False, math.nan, math.nan
@@ -242,10 +232,10 @@ def hold(
                         lost[a] += rest
                     is_first = False
                     continue
-                for k in range(PARTS):
-                    waiting[left + k, 0] = middle + (PARTS - 1.0 - 2.0 * k) * half / PARTS
-                    waiting[left + k, 1] = half / PARTS
-                left += PARTS
+                for k in range(CUT_PARTS):
+                    waiting[left + k, 0] = middle + (CUT_PARTS - 1.0 - 2.0 * k) * half / CUT_PARTS
+                    waiting[left + k, 1] = half / CUT_PARTS
+                left += CUT_PARTS
                 continue
             if half != 1.0:
                 # What is not a whole piece has no series of its own: its points must resolve it.

@@ -14,8 +14,8 @@ from workers.solvers.compiled.workspace import Places, Workspace
 
 FloatArray = NDArray[np.float64]
 
-NARROWEST = 2.0**-44
-NOISE = 1e-7
+NARROWEST_HALF_PANEL = 2.0**-44
+NOISE_SHARE = 1e-7
 
 
 def cosines() -> FloatArray:
@@ -202,7 +202,7 @@ def build_panels(
         _copy(waiting[pending], panel)
         half = 0.5 * (panel.high - panel.low)
         if place_among(workspace.coarse, forced, panel) >= 0:
-            if number + pending + 2 > MAX_PANELS or half <= NARROWEST:
+            if number + pending + 2 > MAX_PANELS or half <= NARROWEST_HALF_PANEL:
                 return 0, math.nan
             _split(panel, math.inf, waiting, pending)
             pending += 2
@@ -227,9 +227,9 @@ def build_panels(
             return 0, math.nan
         tail = last_coefficients(series)
         # A tail that halving does not shrink is rounding, once it is small.
-        is_noise = tail > 0.25 * before and tail < NOISE * largest
+        is_noise = tail > 0.25 * before and tail < NOISE_SHARE * largest
         is_open = tail * half > tolerance * (length + largest * half) and not is_noise
-        if is_open and half > NARROWEST:
+        if is_open and half > NARROWEST_HALF_PANEL:
             if number + pending + 2 > MAX_PANELS:
                 return 0, math.nan
             _split(panel, tail, waiting, pending)

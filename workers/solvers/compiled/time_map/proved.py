@@ -9,15 +9,19 @@ from workers.solvers.compiled.evaluation.low_degree import is_of_low_degree
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import MAX_PANELS, NODES, Formula, Loop, Panel, Records
 from workers.solvers.compiled.time_map.panels import build_panels
-from workers.solvers.compiled.time_map.truncation import PANELS as TOGETHER
-from workers.solvers.compiled.time_map.truncation import WORST, bound_left_out, seen_between
+from workers.solvers.compiled.time_map.truncation import (
+    LARGEST_ETA,
+    PANELS_TOGETHER,
+    bound_left_out,
+    seen_between,
+)
 from workers.solvers.compiled.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
 
 ATTEMPTS = 40
 """To cut panels on which the bounds do not prove enough."""
-SLACK, SLACK_BY_ROOTS, CRUDEST = 2.0, 0.25, 50.0
+TIME_SLACK, TIME_SLACK_BY_ROOTS, RATE_SLACK = 2.0, 0.25, 50.0
 """Errors that bounds may leave, in tolerances: of a time on a panel, the second by roots, and of dt/du."""
 
 
@@ -65,8 +69,8 @@ def _prove(
 
     The number is −1 if there are too many.
     """
-    middles, left_out = np.empty((TOGETHER, 3)), np.empty(TOGETHER)
-    at_once = np.empty(TOGETHER, dtype=np.int64)
+    middles, left_out = np.empty((PANELS_TOGETHER, 3)), np.empty(PANELS_TOGETHER)
+    at_once = np.empty(PANELS_TOGETHER, dtype=np.int64)
     here = 0
     for n in range(number):
         panel = panels[n]
@@ -75,15 +79,15 @@ def _prove(
             middles[here, 2] = 0.5 * (panel.high - panel.low)
             at_once[here] = n
             here += 1
-        if here < TOGETHER and n < number - 1:
+        if here < PANELS_TOGETHER and n < number - 1:
             continue
         bound_left_out(formula, loop, middles, here, workspace.discs, left_out)
         for k in range(here):
             panel = panels[at_once[k]]
             unseen, seen = _prove_one(panel, middles[k, 2], left_out[k], squares[at_once[k]])
-            slack = SLACK_BY_ROOTS if loop.by_roots else SLACK
-            is_good = unseen * panel.length <= slack * tolerance * length and unseen <= CRUDEST * tolerance
-            if not ((is_good or unseen <= seen) and seen + unseen < WORST):
+            slack = TIME_SLACK_BY_ROOTS if loop.by_roots else TIME_SLACK
+            is_good = unseen * panel.length <= slack * tolerance * length and unseen <= RATE_SLACK * tolerance
+            if not ((is_good or unseen <= seen) and seen + unseen < LARGEST_ETA):
                 if forced == MAX_PANELS:
                     return -1
                 cut = workspace.coarse[forced]
@@ -103,5 +107,5 @@ def _prove_one(panel: Panel, half: float, left_out: float, squares: FloatArray) 
     seen, unseen = seen_between(rates_here, squares), largest * largest * left_out
     eta = seen + unseen
     # (1 − η)^(−1/2) − 1 ≤ η/2 (1 + η) up to η = 1/4.
-    panel.proved = 0.5 * eta * (1.0 + eta) if eta < WORST else math.inf
+    panel.proved = 0.5 * eta * (1.0 + eta) if eta < LARGEST_ETA else math.inf
     return unseen, seen

@@ -9,9 +9,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.blocks import BLOCK, SPLIT, sort_by_interval, two_sum
+from workers.solvers.compiled.blocks import BLOCK, sort_by_interval, two_sum
 from workers.solvers.compiled.evaluation.curve import loop_points
-from workers.solvers.compiled.kernels import inlined, kernel
+from workers.solvers.compiled.kernels import fused, inlined, kernel
 from workers.solvers.compiled.records import Loop, Panel, Records
 from workers.solvers.compiled.time_map.series import at, distance, larger, series_at, slope_at
 from workers.solvers.compiled.workspace import Moments
@@ -19,9 +19,9 @@ from workers.solvers.compiled.workspace import Moments
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-STEP = 1e-8
+LAST_NEWTON_STEP = 1e-8
 """A Newton step after which the error, its square, is below rounding."""
-MAX_STEPS = 61
+MAX_NEWTON_STEPS = 61
 SINE = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9))
 """Coefficients of x³, x⁵, … in sin x: up to π/4 the next term is below 2^-61 of the sum."""
 
@@ -42,17 +42,13 @@ def _reduce(
     """
     hi, lo, origin, origin_lo = loop.period_hi, loop.period_lo, loop.origin, loop.origin_lo
     first = -1.0 if loop.backwards else 1.0
-    b_high = SPLIT * hi - (SPLIT * hi - hi)
-    b_low = hi - b_high
     # A libration comes back over the panels.
     turning = math.inf if loop.rotates else 0.5 * hi
     for k in range(len(times)):
-        n = math.floor(times[k] / hi + 0.5)
+        n = float(math.floor(times[k] / hi + 0.5))
         product = n * hi
-        a_high = SPLIT * n - (SPLIT * n - n)
-        a_low = n - a_high
-        # Dekker's: what the product leaves out. The difference of the time and the product is exact.
-        rest = ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
+        # What the product leaves out. The difference of the time and the product is exact.
+        rest = fused(n, hi, -product)
         t, r1 = two_sum(first * (times[k] - product), -first * (rest + n * lo - rests[k]))
         t, r2 = two_sum(t, origin)
         turn = 1.0 if t < 0.0 else (-1.0 if t >= hi else 0.0)
@@ -79,7 +75,7 @@ def _find_phases(panel: Panel, moments: Moments, begin: int, end: int) -> None:
         guess = n2 + (share - m) * (n3 + (share - m) * (n4 + n5 * (share - 1.0)))
         moments.phase[k] = min(last, max(first, n0 + share * (n1 + share * guess)))
         moments.floor[k], moments.ceiling[k], moments.is_found[k] = first, last, 0.0
-    for _ in range(MAX_STEPS):
+    for _ in range(MAX_NEWTON_STEPS):
         left = 0
         for k in range(begin, end):
             x, is_found = moments.phase[k], moments.is_found[k]
@@ -88,7 +84,7 @@ def _find_phases(panel: Panel, moments: Moments, begin: int, end: int) -> None:
             above = x if miss > 0.0 else moments.ceiling[k]
             below = moments.floor[k] if miss > 0.0 else x
             to = x - miss / slope
-            is_close = 1.0 if abs(miss / slope) <= STEP else 0.0
+            is_close = 1.0 if abs(miss / slope) <= LAST_NEWTON_STEP else 0.0
             inside = to if (below < to) & (to < above) else 0.5 * (below + above)
             to = min(last, max(first, to)) if is_close != 0.0 else inside
             moments.phase[k] = x if is_found != 0.0 else to

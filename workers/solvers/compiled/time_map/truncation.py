@@ -29,13 +29,13 @@ FloatArray = NDArray[np.float64]
 
 DEGREE = 15
 ELLIPSES = np.array([4.5, 6.0, 8.0, 11.0])
-PANELS = LANES // len(ELLIPSES)
+PANELS_TOGETHER = LANES // len(ELLIPSES)
 """Number of panels that are bounded together."""
-OUTWARDS = 1.0 + 2.0**-40
+ROUNDING_FACTOR = 1.0 + 2.0**-40
 """Factor that covers the roundings of a few bounds that are multiplied."""
-WORST = 0.25
+LARGEST_ETA = 0.25
 """The largest η of which the theorem is used."""
-ROUNDING = 2.0**-51
+SERIES_ROUNDING = 2.0**-51
 """Relative, of a series at a place. Coefficients below it are rounding, which is counted once; that of dt/du
 itself is bounded elsewhere (:mod:`.error`)."""
 
@@ -76,8 +76,8 @@ def seen_between(p: FloatArray, q: FloatArray) -> float:
             d[k] += TO_ODD[i, k] * t
     total = 0.0
     for k in range(_HALF):
-        total += max(abs(c[k]) - ROUNDING, 0.0) + max(abs(d[k]) - ROUNDING, 0.0)
-    return total + 4.0 * ROUNDING
+        total += max(abs(c[k]) - SERIES_ROUNDING, 0.0) + max(abs(d[k]) - SERIES_ROUNDING, 0.0)
+    return total + 4.0 * SERIES_ROUNDING
 
 
 @inlined
@@ -135,7 +135,7 @@ def bound_left_out(
         theta = math.pi * (0.5 * anchor + w)
         for k in range(number):
             rho = ELLIPSES[k]
-            radius = 0.5 * (rho + 1.0 / rho) * math.pi * middles[n, 2] * OUTWARDS
+            radius = 0.5 * (rho + 1.0 / rho) * math.pi * middles[n, 2] * ROUNDING_FACTOR
             lane = number * n + k
             if not rotates:
                 h = loop.half_width
@@ -143,7 +143,9 @@ def bound_left_out(
                 least[lane] = sine_least * sine_least
                 even = 2.0 * math.sinh(0.5 * radius) ** 2
                 radius = (
-                    h * (abs(math.cos(theta)) * even + abs(math.sin(theta)) * math.sinh(radius)) * OUTWARDS
+                    h
+                    * (abs(math.cos(theta)) * even + abs(math.sin(theta)) * math.sinh(radius))
+                    * ROUNDING_FACTOR
                 )
             put_disc(discs, lane, sine, cosine, radius)
     lanes = number * count
@@ -167,7 +169,7 @@ def bound_left_out(
                     discs.s_centre[m], discs.s_radius[m], leading
                 )
                 size *= loop.factor * loop.z / loop.g
-            size *= (discs.square[m] + discs.square_radius[m]) * unit / least[m] * OUTWARDS
+            size *= (discs.square[m] + discs.square_radius[m]) * unit / least[m] * ROUNDING_FACTOR
             rho = ELLIPSES[k]
             bound = 4.0 * size * rho**-DEGREE / (rho - 1.0)
             if bound < best:

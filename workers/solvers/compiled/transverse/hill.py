@@ -16,6 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.solution.dense_output import UNIT_ROUNDOFF
 from workers.solvers.compiled.evaluation.curve import loop_points
 from workers.solvers.compiled.evaluation.interpreter import run_bounded
 from workers.solvers.compiled.kernels import kernel
@@ -26,7 +27,6 @@ FloatArray = NDArray[np.float64]
 
 WIDTH = 16
 """Places that are gone through together."""
-UNIT = 2.0**-53
 PLACE_ULPS = 8.0
 """Roundings of g1, g2 and g3 where the curve's own numbers are exact."""
 
@@ -79,6 +79,6 @@ def coefficients(
         error = abs(A_C) * (spin_error + turn_error + 5.0 * (abs(spin) + abs(turn)))
         error += abs(pull) * along_error + (3.0 * ulps + 8.0) * abs(torque)
         error += swell * registers[1, bend, m] + (4.0 * ulps + 8.0) * abs(swing)
-        errors[m] = UNIT * (error + 2.0 * abs(c[m]))
+        errors[m] = UNIT_ROUNDOFF * (error + 2.0 * abs(c[m]))
         largest = max(largest, p + r)
     return largest

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from service.dynamics.solution.dense_output import EPSILON
 from workers.solvers.compiled.evaluation.curve import place, radicands_with_bounds
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import NODES, Formula, Loop, Panel, Records
@@ -15,12 +16,11 @@ from workers.solvers.compiled.workspace import Places
 
 FloatArray = NDArray[np.float64]
 
-EPSILON = 2.0**-52
-PLACES, AMPLIFIED = 8, 2.0
+RATE_PLACES, INTERPOLATION_FACTOR = 8, 2.0
 """Places of a panel where the rounding of P is bounded; factor by which interpolation amplifies it."""
-DISTANCES = (2.0**-16, 2.0**-26)
+POLE_PHASE_DISTANCES = (2.0**-16, 2.0**-26)
 """Distances from a pole, in θ."""
-NEAREST = 0.99
+FARTHEST_POLE = 0.99
 """Largest distance of a pole from the middle of a libration, in parts of the half width."""
 Q, M, ALPHA, BETA, C, C_ERROR, RELATIVE, ALPHA_ERROR, BETA_ERROR, ROWS = 0, 2, 4, 5, 6, 7, 8, 9, 10, 11
 """Rows of stages: q and M/(B ω) of both solutions, the coefficients, c, and errors, multiplied by weights."""
@@ -60,16 +60,16 @@ def error_of_rate(formula: Formula, loop: Loop, panel: Panel, places: Places) ->
     say what a series leaves out, as for the time map (:mod:`compiled.time_map.error`).
     """
     is_half = panel.last - panel.first < 2.0
-    for k in range(PLACES):
+    for k in range(RATE_PLACES):
         j = 2 * k
         if is_half:
             j = k if panel.last > 0.0 else NODES - 1 - k
         _put(loop, places, k, panel.anchor, distance(panel, POINTS[j]))
-    radicands_with_bounds(formula, loop, places, PLACES)
+    radicands_with_bounds(formula, loop, places, RATE_PLACES)
     total = 0.0
-    for k in range(PLACES):
+    for k in range(RATE_PLACES):
         total += places.bound[k] / abs(places.radicand[k])
-    noise = AMPLIFIED * 0.5 * total / PLACES + 8.0 * EPSILON
+    noise = INTERPOLATION_FACTOR * 0.5 * total / RATE_PLACES + 8.0 * EPSILON
     if not math.isnan(panel.proved):
         return noise + panel.proved, 0.0
     return noise, 2.0 * last_coefficients(panel.slopes)
@@ -135,15 +135,15 @@ def is_integrable(
             share = (math.pi * pole - middle) / loop.half_width
             if abs(share) >= 1.0:
                 continue
-            if abs(share) > NEAREST:
+            if abs(share) > FARTHEST_POLE:
                 return False
             anchor, w = 1, math.asin(share) / math.pi
         for k in range(WIDTH):
             side = 1.0 if k % 2 else -1.0
-            _put(loop, places, k, anchor, w + side * DISTANCES[(k // 2) % 2] / math.pi)
+            _put(loop, places, k, anchor, w + side * POLE_PHASE_DISTANCES[(k // 2) % 2] / math.pi)
         coefficients(formula, loop, moments, places, c, errors)
         for k in range(2):
-            far = max(abs(c[k]), scale) * DISTANCES[0]
-            if not abs(c[2 + k]) * DISTANCES[1] < 0.5 * far:
+            far = max(abs(c[k]), scale) * POLE_PHASE_DISTANCES[0]
+            if not abs(c[2 + k]) * POLE_PHASE_DISTANCES[1] < 0.5 * far:
                 return False
     return True

@@ -44,9 +44,9 @@ from workers.solvers.compiled.workspace import POINTS
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-RESOLVED, ROUNDINGS = 1e-14, 4.0 * 2.0**-52
+PROPAGATOR_RELATIVE_CHANGE, PROPAGATOR_ROUNDING = 1e-14, 4.0 * 2.0**-52
 """As those of :mod:`workers.solvers.stability.monodromy`."""
-MOST = 96
+MAX_PANELS = 96
 """Panels, and those that wait: motions that need more are left to balls."""
 ERROR, EXCURSION, SPEED, LOOKED_AT = range(4, 8)
 """Places in what :func:`turn` fills in, after the matrix: see there."""
@@ -90,7 +90,7 @@ def _merge(
             size += product[i, j] ** 2
             change += (product[i, j] - whole[i, j]) ** 2
     size = math.sqrt(size)
-    stray = abs(product[0, 0] * product[1, 1] - product[0, 1] * product[1, 0] - 1.0) + ROUNDINGS
+    stray = abs(product[0, 0] * product[1, 1] - product[0, 1] * product[1, 0] - 1.0) + PROPAGATOR_ROUNDING
     return math.sqrt(change) + stray * size, size
 
 
@@ -165,8 +165,12 @@ def turn(
     discs = Discs(blank, blank, none)
     registers = new_registers(instructions.code, 2, POINTS)
     formula = Formula(code, result, instructions, constants, none, registers, discs, none)
-    parts, errors = np.empty((4 * MOST, 2, 2)), np.empty(MOST)
-    stages, waiting, ranges = np.empty((2 * MOST, ROWS, WIDTH)), np.empty((MOST, 2, 2)), np.empty((MOST, 2))
+    parts, errors = np.empty((4 * MAX_PANELS, 2, 2)), np.empty(MAX_PANELS)
+    stages, waiting, ranges = (
+        np.empty((2 * MAX_PANELS, ROWS, WIDTH)),
+        np.empty((MAX_PANELS, 2, 2)),
+        np.empty((MAX_PANELS, 2)),
+    )
     frequency = 2.0 * math.pi / founds[0].period
     scale = moments[1] * frequency
     c, noise = stages[0, C], stages[0, C_ERROR]
@@ -181,7 +185,7 @@ def turn(
         relative, absolute = error_of_rate(formula, loop, panel, places)
         about = (frequency, scale, doubt, relative + shift, absolute)
         ranges[0, 0], ranges[0, 1] = panel.first, panel.last
-        if count + 2 > 2 * MOST:
+        if count + 2 > 2 * MAX_PANELS:
             return False
         span = (panel.first, panel.last)
         cross_part(formula, loop, panel, span, about, moments, places, stages[count], waiting[0])
@@ -189,7 +193,7 @@ def turn(
         pending = 1
         while pending:
             pending -= 1
-            if count + 2 > 2 * MOST or pending + 2 > MOST:
+            if count + 2 > 2 * MAX_PANELS or pending + 2 > MAX_PANELS:
                 return False
             left, right = ranges[pending, 0], ranges[pending, 1]
             middle = 0.5 * (left + right)
@@ -203,7 +207,7 @@ def turn(
             error, size = _merge(waiting[pending], first, second, product)
             if not size < math.inf:
                 return False
-            if error <= (RESOLVED + ROUNDINGS) * size:
+            if error <= (PROPAGATOR_RELATIVE_CHANGE + PROPAGATOR_ROUNDING) * size:
                 errors[count // 2] = error
                 count += 2
                 continue

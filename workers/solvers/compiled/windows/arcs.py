@@ -6,14 +6,14 @@ import numpy as np
 
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop, Records, Start
-from workers.solvers.compiled.windows.scan import END, MAX_ZEROS, PASSABLE, radicand_at, scan_half
+from workers.solvers.compiled.windows.scan import MAX_ZEROS, PASSABLE, POLE_HEIGHT, radicand_at, scan_half
 from workers.solvers.compiled.workspace import Workspace
 
 AUTOMATIC, EQUATOR, REST, POINT = range(4)
 """Kinds of start."""
-SAME, CLEARLY_DIFFERENT = 1e-12, 1e-7
+SAME_ANGLE, OTHER_ANGLE = 1e-12, 1e-7
 """Places closer than the first are mirror images; between the two it is left open."""
-SAME_LIMIT = 1e-6
+LIMIT_CHANGE = 1e-6
 UNDECIDED, WHOLE_LOOP = -1, -2
 """Instead of a number of arcs; P > 0 on the whole loop."""
 
@@ -47,12 +47,12 @@ def find_arcs(formula: Formula, loop: Loop, half: float, is_smooth: bool, worksp
         other, _, other_north, other_south = scan_half(formula, loop, -half, others, workspace)
         if other < 0 or (goes_north and other_north != PASSABLE) or (goes_south and other_south != PASSABLE):
             return UNDECIDED
-        for end, goes in ((-END, goes_north), (END, goes_south)):
+        for end, goes in ((-POLE_HEIGHT, goes_north), (POLE_HEIGHT, goes_south)):
             if goes:
                 here = radicand_at(formula, loop, half, end, workspace)
                 there = radicand_at(formula, loop, -half, end, workspace)
                 # With another limit beyond the pole no motion goes on there.
-                if not abs(here - there) < SAME_LIMIT * abs(here):
+                if not abs(here - there) < LIMIT_CHANGE * abs(here):
                     return UNDECIDED
         if other == 0:
             if count or not (goes_north and goes_south):
@@ -85,17 +85,21 @@ def number_windows(arcs: Records, number: int) -> int:
         groups[i], sizes[windows] = windows, arcs[i].reach
         for j in range(i + 1, number):
             gap = max(abs(arcs[i].lo + arcs[j].hi - math.pi), abs(arcs[i].hi + arcs[j].lo - math.pi))
-            if gap < SAME and arcs[i].lo_rests == arcs[j].hi_rests and arcs[i].hi_rests == arcs[j].lo_rests:
+            if (
+                gap < SAME_ANGLE
+                and arcs[i].lo_rests == arcs[j].hi_rests
+                and arcs[i].hi_rests == arcs[j].lo_rests
+            ):
                 groups[j] = windows
                 break
-            if gap < CLEARLY_DIFFERENT:
+            if gap < OTHER_ANGLE:
                 return -1
         windows += 1
     for i in range(number):
         rank = 0
         for w in range(windows):
             difference = sizes[w] - sizes[groups[i]]
-            if w != groups[i] and abs(difference) < CLEARLY_DIFFERENT * sizes[w]:
+            if w != groups[i] and abs(difference) < OTHER_ANGLE * sizes[w]:
                 return -1
             rank += 1 if difference < 0.0 else 0
         arcs[i].window = rank
@@ -128,7 +132,7 @@ def choose_start(arcs: Records, number: int, window: int, start: Start) -> tuple
         for i in range(number):
             if arcs[i].window == window:
                 for turned in (at - 2.0 * math.pi, at, at + 2.0 * math.pi):
-                    if arcs[i].lo + SAME < turned < arcs[i].hi - SAME:
+                    if arcs[i].lo + SAME_ANGLE < turned < arcs[i].hi - SAME_ANGLE:
                         return i, turned, int(start.s_sign)
         return -1, 0.0, 0
     best, best_rank, place, direction = -1, -1.0, 0.0, 0

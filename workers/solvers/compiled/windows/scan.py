@@ -19,16 +19,16 @@ from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop
 from workers.solvers.compiled.windows.scan_panels import (
     BEGINS,
+    EDGE_RATIO,
     EDGES,
     ENDS,
     HALF_WIDTHS,
     MIDDLE_COSINES,
     MIDDLE_SINES,
     PANELS,
+    PANELS_TOGETHER,
     POLE_SINE,
     SIDES,
-    STEP,
-    TOGETHER,
     pole_cells,
     read_alone,
     resolve,
@@ -39,24 +39,18 @@ from workers.solvers.compiled.workspace import Workspace
 FloatArray = NDArray[np.float64]
 
 MAX_ZEROS = 16
-NARROWEST = 1e-12
+NARROWEST_PANEL = 1e-12
 """Relative width of a panel that is not halved."""
-MOST_PANELS = 400
+MAX_CUT_PANELS = 400
 """Beside the first ones."""
 BLOCKED, PASSABLE, OPEN = 0, 1, 2
 """At a pole: P < 0; P > 0 with a finite limit; P > 0 and it diverges or dies out."""
-END = 13.0
+POLE_HEIGHT = 13.0
 """|y| where P is taken for its limit at a pole."""
 
 
 @kernel
-def radicand_at(
-    formula: Formula,
-    loop: Loop,
-    half: float,
-    y: float,
-    workspace: Workspace,
-) -> float:
+def radicand_at(formula: Formula, loop: Loop, half: float, y: float, workspace: Workspace) -> float:
     """Return P at y on the half of the loop with this sign of g3."""
     places = workspace.places
     places.sine[0], places.cosine[0] = half / math.cosh(y), -math.tanh(y)
@@ -66,14 +60,7 @@ def radicand_at(
 
 @kernel
 def _zero(
-    formula: Formula,
-    loop: Loop,
-    half: float,
-    a: float,
-    b: float,
-    fa: float,
-    fb: float,
-    workspace: Workspace,
+    formula: Formula, loop: Loop, half: float, a: float, b: float, fa: float, fb: float, workspace: Workspace
 ) -> float:
     """Return the zero between a and b, where the signs differ, by Anderson and Björck's rule."""
     for step in range(200):
@@ -99,11 +86,7 @@ def _zero(
 
 @kernel
 def scan_half(
-    formula: Formula,
-    loop: Loop,
-    half: float,
-    zeros: FloatArray,
-    workspace: Workspace,
+    formula: Formula, loop: Loop, half: float, zeros: FloatArray, workspace: Workspace
 ) -> tuple[int, int, int, int]:
     """Return the number of zeros (−1: undecided), P's sign before the first, and its north and south pole.
 
@@ -138,21 +121,12 @@ def scan_half(
             if more[k] < 0:
                 return -1, 0, 0, 0
             poles[k] = np.sign(c[row, more[k] - 1])
-    for start in range(0, number, TOGETHER):
-        stop = min(number, start + TOGETHER)
-        resolve(
-            formula,
-            loop,
-            half,
-            exponent,
-            open_panels[start:stop],
-            errors,
-            all_series,
-            workspace,
-        )
+    for start in range(0, number, PANELS_TOGETHER):
+        stop = min(number, start + PANELS_TOGETHER)
+        resolve(formula, loop, half, exponent, open_panels[start:stop], errors, all_series, workspace)
     brackets, state, kept = np.empty((MAX_ZEROS, 4)), np.zeros(4), np.zeros(4)
-    found = is_certain(state, poles[0], 0.0, 1.0, EDGES[0] / STEP ** more[0], 1.0, brackets, 0)
-    waiting = np.empty((MOST_PANELS, 3))
+    found = is_certain(state, poles[0], 0.0, 1.0, EDGES[0] / EDGE_RATIO ** more[0], 1.0, brackets, 0)
+    waiting = np.empty((MAX_CUT_PANELS, 3))
     evaluated = 0
     for n in range(-1, PANELS + 1):
         pending = 0
@@ -174,7 +148,7 @@ def scan_half(
             # North from the pole to the first panel, south the other way round.
             k = 0 if n < 0 else 1
             for m in range(more[k]):
-                near, far = EDGES[0] / STEP ** (m + 1.0), EDGES[0] / STEP**m
+                near, far = EDGES[0] / EDGE_RATIO ** (m + 1.0), EDGES[0] / EDGE_RATIO**m
                 at = m if k == 0 else more[k] - 1 - m
                 waiting[at, 0], waiting[at, 1] = (near, far) if k == 0 else (far, near)
                 waiting[at, 2] = 1.0 - 2.0 * k
@@ -183,28 +157,18 @@ def scan_half(
             pending -= 1
             begin, end, side = waiting[pending, 0], waiting[pending, 1], waiting[pending, 2]
             evaluated += 1
-            if evaluated == MOST_PANELS:
+            if evaluated == MAX_CUT_PANELS:
                 return -1, 0, 0, 0
             found_now = read_alone(
-                formula,
-                loop,
-                half,
-                begin,
-                end,
-                side,
-                exponent,
-                state,
-                brackets,
-                found,
-                workspace,
+                formula, loop, half, begin, end, side, exponent, state, brackets, found, workspace
             )
             if found_now >= 0:
                 found = found_now
                 continue
-            if abs(end - begin) < NARROWEST * (begin + end) or pending + 2 >= MOST_PANELS:
+            if abs(end - begin) < NARROWEST_PANEL * (begin + end) or pending + 2 >= MAX_CUT_PANELS:
                 return -1, 0, 0, 0
             pending = _halve(waiting, pending, begin, end, side)
-    found = is_certain(state, poles[1], EDGES[0] / STEP ** more[1], -1.0, 0.0, -1.0, brackets, found)
+    found = is_certain(state, poles[1], EDGES[0] / EDGE_RATIO ** more[1], -1.0, 0.0, -1.0, brackets, found)
     if found < 0:
         return -1, 0, 0, 0
     for k in range(found):

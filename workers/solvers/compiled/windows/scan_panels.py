@@ -12,8 +12,8 @@ from workers.solvers.compiled.evaluation.interpreter import derivative, power
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.records import Formula, Loop
 from workers.solvers.compiled.windows.signs import (
+    DISC_RADIUS,
     NODES,
-    REACH,
     SLOPE_TAIL,
     VALUE_TAIL,
     is_certain,
@@ -28,14 +28,14 @@ IntArray = NDArray[np.int64]
 
 EDGES = (0.06, 0.135, 0.28, 0.5, 0.76, 1.03, 1.3, 0.5 * math.pi)
 """Edges of the first panels, as distances to the pole."""
-STEP = 2.25
+EDGE_RATIO = 2.25
 """Between the edges of panels that are nearer to a pole than the first."""
-NEARER = 14
+MAX_NEARER_PANELS = 14
 """Largest number of panels nearer to a pole than the first."""
 PANELS = 2 * (len(EDGES) - 1)
-TOGETHER = 10
+PANELS_TOGETHER = 10
 """Panels whose nodes are gone through together."""
-ROUNDINGS = 64.0
+NODE_ROUNDING_FACTOR = 64.0
 """Rounding of D at a node, in bounds of that in the middle of its panel."""
 
 _EDGES = list(pairwise(EDGES))
@@ -76,7 +76,7 @@ def _put_panel(discs: DiscWorkspace, lane: int, half: float, begin: float, end: 
     """Put the disc around a panel's ellipse on the disc workspace, and its centre alone on the next place."""
     middle, wide = 0.5 * (begin + end), 0.5 * abs(end - begin)
     sine, cosine = half * math.sin(middle), side * math.cos(middle)
-    put_disc(discs, lane, sine, cosine, REACH * wide)
+    put_disc(discs, lane, sine, cosine, DISC_RADIUS * wide)
     put_disc(discs, lane + 1, sine, cosine, 0.0)
 
 
@@ -105,7 +105,7 @@ def resolve(
     for k in range(number):
         n = panels[k]
         sine, cosine = half * MIDDLE_SINES[n], MIDDLE_COSINES[n]
-        put_disc(workspace.discs, 2 * k, sine, cosine, REACH * HALF_WIDTHS[n])
+        put_disc(workspace.discs, 2 * k, sine, cosine, DISC_RADIUS * HALF_WIDTHS[n])
         put_disc(workspace.discs, 2 * k + 1, sine, cosine, 0.0)
         for j in range(NODES):
             at, to = NODES * n + j, NODES * k + j
@@ -115,25 +115,20 @@ def resolve(
     _values(formula, loop, workspace.places, logs, exponent, NODES * number)
     for k in range(number):
         n = panels[k]
-        far, rounding = formula.discs.radii[row, 2 * k], formula.discs.radii[row, 2 * k + 1] * ROUNDINGS
+        far = formula.discs.radii[row, 2 * k]
+        rounding = NODE_ROUNDING_FACTOR * formula.discs.radii[row, 2 * k + 1]
         errors[n, 0] = far * VALUE_TAIL + rounding
         errors[n, 1] = far * SLOPE_TAIL + rounding * NODES * NODES
         _series(workspace.places.radicand, NODES * k, all_series[n])
 
 
 @kernel
-def pole_cells(
-    formula: Formula,
-    loop: Loop,
-    half: float,
-    side: float,
-    workspace: Workspace,
-) -> int:
+def pole_cells(formula: Formula, loop: Loop, half: float, side: float, workspace: Workspace) -> int:
     """Return how many more panels lead to a cell at the pole on which D has one sign (−1: none)."""
-    for k in range(NEARER):
-        put_pole(workspace.discs, k, math.sin(EDGES[0] / STEP ** (k + 1.0)) * (1.0 + 1e-15), side, half)
-    row = derivatives_on_discs(formula, loop, workspace.discs, NEARER)
-    for k in range(NEARER):
+    for k in range(MAX_NEARER_PANELS):
+        put_pole(workspace.discs, k, math.sin(EDGES[0] / EDGE_RATIO ** (k + 1.0)) * (1.0 + 1e-15), side, half)
+    row = derivatives_on_discs(formula, loop, workspace.discs, MAX_NEARER_PANELS)
+    for k in range(MAX_NEARER_PANELS):
         if abs(formula.discs.centres[row, k]) > formula.discs.radii[row, k]:
             return k + 1
     return -1
@@ -161,7 +156,7 @@ def read_alone(
     c, r = formula.discs.centres, formula.discs.radii
     if abs(c[row, 2]) > r[row, 2]:
         return is_certain(state, np.sign(c[row, 2]), begin, side, end, side, brackets, found)
-    far, rounding = r[row, 0], r[row, 1] * ROUNDINGS
+    far, rounding = r[row, 0], NODE_ROUNDING_FACTOR * r[row, 1]
     if not far < math.inf:
         return -1
     logs, series, kept = np.empty(NODES), np.empty(NODES), state.copy()

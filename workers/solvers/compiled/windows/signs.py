@@ -16,20 +16,17 @@ FloatArray = NDArray[np.float64]
 NODES = 8
 ELLIPSE = 4.0
 """ρ, the sum of the half axes, in halves of the panel."""
-REACH = 0.5 * (ELLIPSE + 1.0 / ELLIPSE) * (1.0 + 1e-12)
+DISC_RADIUS = 0.5 * (ELLIPSE + 1.0 / ELLIPSE) * (1.0 + 1e-12)
 """Half its longer axis: the radius of the disc."""
 _FROM = np.arange(NODES, 200)
 # |a_k| ≤ 2 M ρ^−k; each further T_k is taken for a T_j with j < NODES by the nodes.
 VALUE_TAIL = float(4.0 * np.sum(ELLIPSE**-_FROM)) * (1.0 + 1e-9)
 SLOPE_TAIL = float(2.0 * np.sum(ELLIPSE**-_FROM * (_FROM**2 + (NODES - 1.0) ** 2))) * (1.0 + 1e-9)
-FINEST = 1.0 / 64.0
+FINEST_HALF_WIDTH = 1.0 / 64.0
 """Half the width of the smallest part of a panel, which is −1 ≤ x ≤ 1."""
 
 SIGN, DIRECTION, AT, AT_SIDE = range(4)
 """State of the reading: the last certain sign, whether F grows since (0: it need not be known), and where."""
-STATE = 4
-# Of a bracket: both ends, as distances to a pole and the side of the equator.
-BRACKET = 4
 
 
 def nodes() -> FloatArray:
@@ -114,7 +111,7 @@ def read_panel(
                 found = is_certain(state, np.sign(last), right, side, right, side, brackets, found)
                 if found < 0:
                     return -1
-        elif w <= FINEST:
+        elif w <= FINEST_HALF_WIDTH:
             return -1
         else:
             stack[top + 1, 0], stack[top + 1, 1] = x, b
