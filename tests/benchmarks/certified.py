@@ -1,6 +1,6 @@
 """Target 6, the certified tier against what it replaces, and what it costs elsewhere."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from fractions import Fraction
 from time import process_time
 
@@ -18,6 +18,7 @@ from service.dynamics.problem import PlanarMotion, StartAtEquator
 from service.dynamics.solution.ball_columns import as_decimals
 from tests.benchmarks.measuring import Effort, Result, Row, Table, clock, faster, in_words, median
 from tests.benchmarks.motions import Measured, elliptic
+from tests.support.hard_problems import FUNCTIONS
 from tests.support.planar import body, formula
 from tests.support.witnesses.general_motion import GeneralMotion
 from workers.solvers.certified.certify import Certified
@@ -161,14 +162,6 @@ def others(effort: Effort) -> Table:
     return Table("The certified tier by the integral", "One run of each.", heads, tuple(rows))
 
 
-FUNCTIONS: Mapping[str, Callable[[mpmath.mpf], mpmath.mpf]] = {
-    "-w^(3/7)": lambda w: -(w ** (mpmath.mpf(3) / 7)),
-    "-w^(1/3)": lambda w: -mpmath.cbrt(w),
-    "-sqrt(w)": lambda w: -mpmath.sqrt(w),
-    "-exp(-w)": lambda w: -mpmath.exp(-w),
-    "-log(2+w)": lambda w: -mpmath.log(2 + w),
-    "w*log(w)": lambda w: w * mpmath.log(w),
-}
 RATIOS = (*map(Fraction, ("3/2", "2", "3", "6/5", "101/100", "100")),)
 
 

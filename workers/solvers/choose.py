@@ -96,8 +96,9 @@ def _planar_balls(problem: Problem, motion: PlanarMotion) -> tuple[arb, ...]:
         start = starting_point(choose_window(windows, motion), motion)
         at = start.arc.loop.point(start.v)
         if not at.g2.is_finite():
-            height = arb((1 - at.g1 * at.g1 - at.g3 * at.g3).abs_upper()).sqrt()
-            at = at._replace(g2=arb(0, height))
+            height = arb(0, arb((1 - at.g1 * at.g1 - at.g3 * at.g3).abs_upper()).sqrt())
+            # What was asked of V without a height has no value either.
+            at = at._replace(g2=height, P=start.arc.loop.radicand_at(at.g1, height, at.g3))
         p = -start.direction * at.P.sqrt() if start.direction else arb(0)
         return six_variables(start.arc.loop, at, p)
 

@@ -20,7 +20,7 @@ from service.schemas.reading.documents import InvalidProblemError, Part, with_va
 from service.schemas.sweep.sweep import FEW, Sweep, SweepAxis, json_number
 from workers.sweeping.plan import make_plan
 from workers.sweeping.planar.block import BlockSolver
-from workers.sweeping.planar.records import SolvedBlock
+from workers.sweeping.planar.records import FoundPoints, SolvedBlock
 
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
@@ -63,23 +63,20 @@ class SlicedSolver:
 
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
-        sweep = self._sweep
-        solved, refused = np.zeros(count, dtype=np.bool_), dict[str, BoolArray]()
-        numbers = {name: np.full(count, np.nan) for name in sweep.keep}
-        series = {name: np.full((count, sweep.samples), np.nan) for name in sweep.series_columns}
+        results = FoundPoints(self._sweep, (), count)
         for outer, here, inner in self._parts(first, count):
             blocks = self._slice(outer).blocks
             if blocks is None:
                 continue
             block = blocks.solve_some(inner)
-            solved[here] = block.solved
+            results.solved[here] = block.solved
             for code, points in block.refused.items():
-                refused.setdefault(code, np.zeros(count, dtype=np.bool_))[here] = points
+                results.refuse(code, here[points])
             for name, column in block.numbers.items():
-                numbers[name][here] = column
+                results.numbers[name][here] = column
             for name, rows in block.series.items():
-                series[name][here] = rows
-        return SolvedBlock(solved, refused, numbers, series)
+                results.series[name][here] = rows
+        return results.block()
 
     def is_judged(self, index: int) -> bool:
         """Tell whether the potential at a point is proved to be admissible."""

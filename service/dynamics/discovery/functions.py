@@ -25,7 +25,7 @@ from service.dynamics.formula.algebra import Algebra, DerivedOperations
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.parameters import PI
-from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.tape import Instruction, Recorder, Tape
 from service.dynamics.potentials.terms.bound_formula import MOMENTS
 from service.dynamics.verdict.exact_ring.layout import NoProofError
 
@@ -298,15 +298,25 @@ class Functions(DerivedOperations[Quotient]):
 
     def enclosed(self, polynomial: fmpz_mpoly, values: Mapping[str, arb]) -> arb:
         """Return the value of a polynomial without atoms at enclosed variables and letters."""
-        names = self.ring.names()[self.atoms :]
-        total = arb(0)
+        names = (*STATE, *self.setting.letters)
+        inputs = [values.get(name, arb.nan()) for name in names]  # those that it has are known
+        return self.tape(polynomial).evaluate(BallAlgebra(), inputs)
+
+    def tape(self, polynomial: fmpz_mpoly) -> Tape:
+        """Return a polynomial without atoms as a tape over the state and the letters, however long it is."""
+        recorder = Recorder((*STATE, *self.setting.letters))
+        emit, names = recorder.emit, self.ring.names()[self.atoms :]
+        places = {name: place for place, name in enumerate((*STATE, *self.setting.letters))}
+        total = emit(Instruction("constant", number=Fraction(0)))
         for exponents, coefficient in polynomial.terms():
-            term = arb(int(coefficient))
+            term = emit(Instruction("constant", number=Fraction(int(coefficient))))
             for name, exponent in zip(names, exponents[self.atoms :], strict=True):
                 if exponent:
-                    term *= (arb.pi() if name == PI else values[name]) ** int(exponent)
-            total += term
-        return total
+                    base = emit(Instruction("pi")) if name == PI else places[name]
+                    power = emit(Instruction("power", base, number=Fraction(int(exponent))))
+                    term = emit(Instruction("multiply", term, power))
+            total = emit(Instruction("add", total, term))
+        return recorder.whole(total)
 
     def omega_degree(self, value: Quotient) -> int:
         """Return the degree of the numerator in p, q, r."""

@@ -18,11 +18,12 @@ from dataclasses import dataclass, field
 from flint import fmpz_mpoly, nmod_mat
 
 from service.dynamics.discovery.closure import on_sphere, on_zero_areas
-from service.dynamics.discovery.functions import ORDER, Functions
+from service.dynamics.discovery.functions import ORDER, Functions, Quotient
 from service.dynamics.discovery.known import Candidate, candidates
 from service.dynamics.discovery.modular_points import ModularPoint
 from service.dynamics.discovery.outcomes import (
     FoundIntegral,
+    FunctionTooLargeError,
     IntegralSearch,
     NotPolynomialError,
     SearchTooLargeError,
@@ -45,7 +46,7 @@ from service.dynamics.discovery.strata import (
     special_strata,
 )
 from service.dynamics.formula.algebras.monomials import weighted_sum
-from service.dynamics.formula.tree import VARIABLES
+from service.dynamics.formula.tree import VARIABLES, Tree
 from service.dynamics.potentials.terms.bound_formula import MOMENTS
 from service.dynamics.verdict.exact_ring.layout import NoProofError
 
@@ -53,6 +54,9 @@ MAX_UNKNOWNS = 3000
 """Coefficients of one search."""
 MAX_LETTER_UNKNOWNS = 400
 """Coefficients of one block in a search with letters."""
+MAX_LETTER_DEGREE = 64
+"""Largest degree of moments and of the potential in the letters: elimination multiplies them, and no step of
+it that takes long can be left."""
 
 Monomial = tuple[int, int, int, int, int, int]
 """Exponents of m1, m2, m3, g1, g2, g3."""
@@ -400,8 +404,9 @@ def _monomials(omega_degree: int, gamma_degree: int) -> list[Monomial]:
 def _equations(field_: Functions) -> _Equations:
     setting = field_.setting
     field_.require_setting()
-    V = field_.read(setting.tape(setting.potential), POTENTIAL_POINTER)
-    moments = field_.moments()
+    V = _read(field_, setting.potential, POTENTIAL_POINTER)
+    pairs = zip(MOMENTS, setting.moments, strict=True)
+    moments = [_read(field_, each, f"/body/{name}") for name, each in pairs]
     if any(int(k) for k in V.denominator.degrees()[: field_.first_letter]) or any(
         int(k) for k in V.numerator.degrees()[: field_.atoms]
     ):
@@ -440,6 +445,17 @@ def _equations(field_: Functions) -> _Equations:
         j, k = (i + 1) % 3, (i + 2) % 3
         rates.append({_product({3 + j: 1, k: 1}): inverse[k], _product({3 + k: 1, j: 1}): -inverse[j]})
     return _Equations(tuple(rates))
+
+
+def _read(field_: Functions, tree: Tree, pointer: str) -> Quotient:
+    """Return a moment or the potential; one of too high a degree in the letters is refused at ``pointer``."""
+    value = field_.read(field_.setting.tape(tree), pointer)
+    monomials = (m for part in (value.numerator, value.denominator) for m in part.monoms())
+    degree = max(sum(int(k) for k in monomial[field_.first_letter :]) for monomial in monomials)
+    if degree > MAX_LETTER_DEGREE:
+        reason = f"its degree in the letters is {degree}; a search accepts degrees up to {MAX_LETTER_DEGREE}"
+        raise FunctionTooLargeError(reason, pointer=pointer)
+    return value
 
 
 def _product(powers: Mapping[int, int]) -> Monomial:

@@ -105,20 +105,18 @@ def judge_relation(
     value = field.read(question.tape, FUNCTION_POINTER)
     polynomial = _without_atoms(field, value.numerator, FUNCTION_POINTER)
     simple = essential(field, polynomial)
+    asked = question
     if simple.total_degree() < polynomial.total_degree():
         # The derivative of p² is 0 where p² is, whether or not motions keep p = 0.
-        text = field.text(simple) or ""
-        judgement = judge_relation(setting, text, areas_zero=areas_zero, is_late=is_late)
-        is_kept = judgement.verdict == "invariant_relation"
-        return replace(judgement, multiplier=_multiplier(question, value) if is_kept else None)
-    own = [field.sphere.polynomial, polynomial]
+        asked = replace(question, tape=field.tape(simple))
+    own = [field.sphere.polynomial, simple]
     levels: list[tuple[Level, Callable[[], Closure]]] = [
         ("always", lambda: triangular_set(field, own, is_late))
     ]
     if areas_zero:
         levels.append(("zero_areas", lambda: triangular_set(field, [*own, areas_polynomial(field)], is_late)))
     try:
-        proved, counterexample = _widest(question, levels)
+        proved, counterexample = _widest(asked, levels)
     except EmptyRelationsError as error:
         raise EmptyRelationsError(error.message, pointer=FUNCTION_POINTER) from error
     if proved is not None:

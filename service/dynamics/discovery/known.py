@@ -12,9 +12,10 @@ from fractions import Fraction
 from typing import Literal
 
 from service.dynamics.discovery.functions import Functions, Quotient
-from service.dynamics.discovery.setting import VELOCITIES, substituted
+from service.dynamics.discovery.setting import STATE, VELOCITIES
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.tree import VARIABLES, Symbol, Tree
+from service.dynamics.formula.tape import compile_tape
+from service.dynamics.formula.tree import VARIABLES
 from service.dynamics.potentials.terms.bound_formula import MOMENTS
 from service.dynamics.verdict.exact_ring.layout import NoProofError
 
@@ -72,18 +73,16 @@ _WITHOUT_FIELD = 2
 def candidates(field: Functions) -> Iterator[Candidate]:
     """Yield what may be an integral for the moments and the potential of the field, and is not too large."""
     setting = field.setting
-    given = dict(zip(MOMENTS, setting.moments, strict=True))
     terms = _laurent_terms(field, field.value(setting.tape(setting.potential)))
+    groups = (VELOCITIES, VARIABLES, MOMENTS)
+    of_axes = dict(zip((*STATE, *MOMENTS), (*field.inputs[: len(STATE)], *field.moments()), strict=True))
     for name, parts, turns in _TEMPLATES if terms is not None else _TEMPLATES[:_WITHOUT_FIELD]:
         for turn in range(turns):
-            names: dict[str, Tree] = {}
-            for old in (VELOCITIES, VARIABLES, MOMENTS):
-                for place, each in enumerate(old):
-                    names[each] = Symbol(old[(place + turn) % 3])
+            turned = [of_axes[names[(place + turn) % 3]] for names in groups for place in range(3)]
             with suppress(NoProofError):
-                found = {**given, **_coefficients(field, terms or {}, turn)}
-                made = [substituted(substituted(parse(part), names), found) for part in parts]
-                values = [field.value(setting.tape(each)) for each in made]
+                found = _coefficients(field, terms or {}, turn)
+                tapes = [compile_tape(parse(part), (*of_axes, *found)) for part in parts]
+                values = [tape.evaluate(field, (*turned, *found.values())) for tape in tapes]
                 total = values[0]
                 if len(values) > 1:
                     first, second = (field.multiply(each, each) for each in values)
@@ -133,7 +132,7 @@ def _laurent_terms(field: Functions, V: Quotient) -> dict[tuple[int, int, int], 
 
 def _coefficients(
     field: Functions, terms: Mapping[tuple[int, int, int], Quotient], turn: int
-) -> dict[str, Tree]:
+) -> dict[str, Quotient]:
     """Return the coefficients of V that formulas have, with the axes turned."""
     zero = field.constant(_ZERO)
 
@@ -154,7 +153,7 @@ def _coefficients(
             mu = field.divide(field.subtract(twice, field.add(squares[j], squares[j])), gap)
             break
     half = field.constant(_HALF)
-    found = {
+    return {
         "v1": take(1, 0, 0),
         "v2": take(0, 1, 0),
         "v3": take(0, 0, 1),
@@ -163,4 +162,3 @@ def _coefficients(
         "b1": take(0, 0, -2),
         "mu": mu,
     }
-    return {name: parse(field.quotient_text(each)) for name, each in found.items()}

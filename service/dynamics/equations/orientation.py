@@ -26,7 +26,7 @@ from typing import TypeVar
 import numpy as np
 
 from service.dynamics.bounds import largest
-from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebra import Algebra, RingElement
 from service.dynamics.formula.algebras.scalar import ScalarAlgebra
 from service.dynamics.solution.dense_output import (
     EPSILON,
@@ -53,6 +53,7 @@ _TWO_TURNS = Period(2.0 * TURN, 2.0 * TURN_LOW, 0.0)
 
 T = TypeVar("T")
 Column = TypeVar("Column", float, FloatArray)
+R = TypeVar("R", bound=RingElement)
 """The values of a column, or the bound of their errors."""
 
 
@@ -155,6 +156,12 @@ def quaternion_product(left: FloatArray, right: FloatArray) -> FloatArray:
     )
 
 
+def about_vertical(cosine: R, sine: R, quaternion: Sequence[R]) -> tuple[R, R, R, R]:
+    """Return an attitude turned about the vertical of space, by the cosine and the sine of half the angle."""
+    a, b, c, d = quaternion
+    return cosine * a - sine * d, cosine * b - sine * c, cosine * c + sine * b, cosine * d + sine * a
+
+
 def attitude(gamma: FloatArray) -> FloatArray:
     """Return the quaternion, shape (4,), of the attitude at t = 0 with this gamma, shape (3,)."""
     given = [float(g) for g in gamma]
@@ -239,7 +246,7 @@ def _turned(quaternion: FloatArray, turns: FloatArray, dense: DenseOutput) -> Fl
     product, rest = two_product(turns, advance.hi)
     angle = reduce_time(product, _TWO_TURNS) + (rest + turns * advance.lo)
     sign = np.where(turns % 2.0 == 0.0, 1.0, _sign_of_period(dense, advance))
-    return sign[:, None] * quaternion_product(_about_vertical(angle), quaternion)
+    return sign[:, None] * _turned_by(angle, quaternion)
 
 
 def _sign_of_period(dense: DenseOutput, advance: Advance) -> float:
@@ -248,13 +255,13 @@ def _sign_of_period(dense: DenseOutput, advance: Advance) -> float:
     series = dense.coefficients[:, :, first : first + 4]
     end = series[-1].sum(axis=0)
     start = series[0, ::2].sum(axis=0) - series[0, 1::2].sum(axis=0)
-    turned = quaternion_product(_about_vertical(np.array(advance.hi)), start)
+    turned = _turned_by(np.array(advance.hi), start)
     return math.copysign(1.0, float(turned @ end))
 
 
-def _about_vertical(angle: FloatArray) -> FloatArray:
-    zero = np.zeros_like(angle)
-    return np.stack([np.cos(angle / 2), zero, zero, np.sin(angle / 2)], axis=-1)
+def _turned_by(angle: FloatArray, quaternion: FloatArray) -> FloatArray:
+    parts = tuple(np.moveaxis(quaternion, -1, 0))
+    return np.stack(about_vertical(np.cos(angle / 2), np.sin(angle / 2), parts), axis=-1)
 
 
 def _quaternion_error(dense: DenseOutput, times: FloatArray) -> float:

@@ -119,14 +119,14 @@ def require_known_ends(window: Window) -> None:
     FlatZeroError
         p² vanishes at an end, but not as a power of the distance from it.
     StandstillError
-        It vanishes there as a power between the first and the second: the motion has no one continuation.
+        It vanishes there as a power below the second, and the motion has no one continuation.
     """
     still = [end for arc in window.arcs for end in _ends_of(arc, "standstill")]
     if still:
         raise StandstillError(
-            f"p² vanishes at g2 = {still[0]:.15g} like a power of the distance between the first and the "
-            "second: the motion comes to rest there after a finite time, and may go on at any later one, so "
-            "that the equations do not say where it is; accepted are windows without such an end",
+            f"p² vanishes at g2 = {still[0]:.15g} like a power of the distance below the second: the motion "
+            "comes to rest there after a finite time, and may go on at any later one, so that the equations "
+            "do not say where it is; accepted are windows without such an end",
             pointer="/potential",
         )
     flat = [end for arc in window.arcs for end in _ends_of(arc, "flat")]

@@ -150,6 +150,11 @@ LARGE_SEARCH = {
     "potential": {"type": "expression", "expression": "(g1 + g2 + g3 + 1)^200"},
     "degree": {"omega": 2, "gamma": 1},
 }
+SMALL_SEARCH = {"potential": HEAVY, "degree": {"omega": 2, "gamma": 1}}
+POWERS = {
+    **SMALL_SEARCH,
+    "potential": {"type": "expression", "expression": "(k + 1)^300*g2", "parameters": {"k": None}},
+}
 TOO_HIGH = {"potential": HEAVY, "degree": {"omega": 99, "gamma": 2}}
 
 
@@ -186,6 +191,9 @@ def test_integrals_and_potentials_are_searched(client):
         ("potentials/searches", {"body": {"A": 2}, "degree": 2}, "/body/C", "missing_field"),
         ("integrals", {**KOVALEVSKAYA, "relations": ["q", LARGE]}, "/relations/1", "too_many_terms"),
         ("integrals/searches", LARGE_SEARCH, "/potential/expression", "too_many_terms"),
+        ("integrals/searches", {**SMALL_SEARCH, "body": {"A": "(B + C)^300"}}, "/body/A", "too_many_terms"),
+        ("integrals/searches", {**SMALL_SEARCH, "body": {"B": "(C^1000)^20"}}, "/body/B", "too_many_terms"),
+        ("integrals/searches", POWERS, "/potential/expression", "too_many_terms"),
     ],
 )  # fmt: skip
 def test_faults_of_questions_have_their_pointers(client, path, document, pointer, code):

@@ -159,6 +159,15 @@ def test_the_relation_of_Hess_is_invariant_with_its_multiplier():
     assert (other.verdict, other.proof) == ("not_invariant", "counterexample")
 
 
+def test_a_square_is_judged_by_its_root_however_long_that_is_written():
+    # A = B = C without a field: all three are constant, and so is what is made of them.
+    free = read_setting({"A": Fraction(1), "B": Fraction(1), "C": Fraction(1)}, "0")
+    root = " + ".join(f"{n}*(p + {n}*q + r/{n} + 1)^{n}" for n in range(1, 9))
+    (found, square) = (judge_relation(free, f"({root})^{power}") for power in (1, 2))
+    assert (square.verdict, square.holds) == (found.verdict, found.holds) == ("invariant_relation", "always")
+    assert square.multiplier == "0"
+
+
 def test_the_planar_relation_needs_the_zero_level_and_more():
     setting = read_setting({"A": "2*C"}, "a*g1", {"a": FREE})
     assert judge_relation(setting, "q", areas_zero=True).verdict == "not_invariant"

@@ -54,7 +54,7 @@ task.compile_group = compile_group
 compiled_code.KernelCode.save = save_and_note
 sys.exit(task.compile_solvers())
 """
-PARTS = {"exact_product", "subtract", "add", "exact_sum", "quick_sum"}
+PARTS = {"exact_product", "subtract", "add", "two_sum", "quick_sum"}
 """The kernels of a group, with those that they call."""
 SAVED = [*(f"part:{name}" for name in PARTS), "entry:exact_product", "entry:subtract"]
 DYING = """

@@ -66,18 +66,12 @@ def loops_of(bodies: Bodies, motion: PlanarMotion, logarithms: Sequence[float]) 
 
     ``motion`` gives everything but λ. They are what :meth:`Frame.loops` has of each body alone.
     """
-    start = _start(motion)
-    window = -1 if motion.window is None else motion.window
-    if window < -1 or start is None:
+    asked = _asked(motion)
+    if asked is None:
         return None
-    loops = copied(_EMPTY, len(logarithms))
-    mirrored, plain = bodies.mirrored, np.array(logarithms)
-    loops["alpha"], loops["factor"], loops["mirrored"] = bodies.alpha, bodies.factor, mirrored
-    loops["sign1"] = np.where(mirrored, motion.g3_sign, motion.sign_of_g1)
-    loops["half"] = np.where(mirrored, motion.sign_of_g1, motion.g3_sign)
-    loops["window"] = window
-    loops["kind"], loops["s_sign"], loops["g2_sign"], loops["size_of_g1"] = start
-    loops["log_lambda"] = np.where(mirrored, -plain / bodies.alpha, plain)
+    loops = _without_curves(bodies, motion, asked, len(logarithms))
+    plain = np.array(logarithms)
+    loops["log_lambda"] = np.where(bodies.mirrored, -plain / bodies.alpha, plain)
     return loops
 
 
@@ -136,37 +130,30 @@ def make_frame(body: RigidBody, motion: PlanarMotion) -> Frame | None:
     known, square = _of_body(body), motion.lambda_squared
     if known is None or (motion.nu is not None and not known.is_double) or not square:
         return None
-    start = _start(motion)
-    window = -1 if motion.window is None else motion.window
-    if window < -1 or start is None:
+    asked = _asked(motion)
+    if asked is None:
         return None
-    signs = motion.sign_of_g1, motion.g3_sign
     logarithm = _half_logarithm(square.numerator, square.denominator)
-    asked = (*signs, window, *start)
-    template = known.templates.get(asked)
+    key = motion.sign_of_g1, motion.g3_sign, *asked
+    template = known.templates.get(key)
     if template is None:
-        template = _template(known, signs, window, start)
+        template = _without_curves(known, motion, asked, 1)
         # Starts at points may be all different.
-        if start[0] != POINT:
-            known.templates[asked] = template
+        if asked[1] != POINT:
+            known.templates[key] = template
     shared = copied(template)
     shared["log_lambda"] = -logarithm / known.alpha if known.mirrored else logarithm
     return Frame(shared)
 
 
-def _template(
-    known: "_OfBody", signs: tuple[int, int], window: int, start: tuple[int, float, float, float]
-) -> Records:
-    """Return the loop, shape (1,), without its λ."""
-    first, third = signs
-    template = copied(_EMPTY)
-    # Its items: numpy takes several times longer for attributes.
-    loop = template[0]
-    loop["alpha"], loop["factor"], loop["mirrored"] = known.alpha, known.factor, known.mirrored
-    loop["sign1"], loop["half"] = (third, first) if known.mirrored else (first, third)
-    loop["window"] = window
-    loop["kind"], loop["s_sign"], loop["g2_sign"], loop["size_of_g1"] = start
-    return template
+def _without_curves(bodies: "Bodies | _OfBody", motion: PlanarMotion, asked: "_Asked", count: int) -> Records:
+    """Return the loops, shape (count,), without their λ."""
+    loops, mirrored = copied(_EMPTY, count), bodies.mirrored
+    loops["alpha"], loops["factor"], loops["mirrored"] = bodies.alpha, bodies.factor, mirrored
+    loops["sign1"] = np.where(mirrored, motion.g3_sign, motion.sign_of_g1)
+    loops["half"] = np.where(mirrored, motion.sign_of_g1, motion.g3_sign)
+    loops["window"], loops["kind"], loops["s_sign"], loops["g2_sign"], loops["size_of_g1"] = asked
+    return loops
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,15 +178,21 @@ def _numbers_of(body: RigidBody) -> _OfBody | None:
 _of_body = IdentityCache(_numbers_of)
 
 
-def _start(motion: PlanarMotion) -> tuple[int, float, float, float] | None:
-    """Return the kind of start, the signs of s and g2, and |g1|."""
-    start = motion.start
+_Asked = tuple[int, int, float, float, float]
+"""The window (−1: the only one), the kind of start, the signs of s and g2, and |g1|."""
+
+
+def _asked(motion: PlanarMotion) -> _Asked | None:
+    """Return what is asked of a motion; None for a window or a start that there is none of."""
+    start, window = motion.start, -1 if motion.window is None else motion.window
+    if window < -1:
+        return None
     if isinstance(start, StartAtEquator):
-        return EQUATOR, float(start.s_sign), 1.0, 0.0
+        return window, EQUATOR, float(start.s_sign), 1.0, 0.0
     if isinstance(start, StartAtRest):
-        return REST, 1.0, float(start.g2_sign), 0.0
+        return window, REST, 1.0, float(start.g2_sign), 0.0
     if isinstance(start, StartAtPoint):
         if start.g1 * motion.sign_of_g1 <= 0:
             return None
-        return POINT, float(start.s_sign), float(start.g2_sign), abs(float(start.g1))
-    return AUTOMATIC, 1.0, 1.0, 0.0
+        return window, POINT, float(start.s_sign), float(start.g2_sign), abs(float(start.g1))
+    return window, AUTOMATIC, 1.0, 1.0, 0.0

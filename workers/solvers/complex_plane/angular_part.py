@@ -18,8 +18,7 @@ most M qⁿ/(1 − q) for \|Λ − c\| ≤ q R. Singularities lie near u = −1:
 """
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, lru_cache, reduce
@@ -29,7 +28,7 @@ from typing import Generic, NamedTuple, TypeVar
 from flint import acb, arb, arb_poly, arb_series, ctx
 
 from service.dynamics.formula.algebra import Algebra, OperatorAlgebra
-from service.dynamics.formula.algebras.ball import BallAlgebra, ball
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball, series_of
 from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.long_intervals import LongInterval, LongIntervalAlgebra
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, PowerSum, Small
@@ -232,7 +231,7 @@ class AngularSeries:
         terms = max(8, ceil(excess / -log(KNOWN)))
         if terms > MOST_TERMS:
             return None
-        with ctx.workprec(self._bits + SPARE_BITS), _cap(terms):
+        with ctx.workprec(self._bits + SPARE_BITS), series_of(terms):
             here = self._as_series(centre, radius)
             total, error = arb_series([arb(0)]), arb(0)
             each = wanted / (factor.max(arb(1)) * (1 + len(panels)))
@@ -443,14 +442,3 @@ def _root_of(tape: Tape) -> int:
     algebra = PowerAlgebra(base, Small(base.constant(GENERIC_W), 1, 1))
     algebra.value(tape.evaluate(algebra, (PowerSum({(Fraction(1), 0): Fraction(1)}),)))
     return lcm(1, *(exponent.denominator for exponent, _ in algebra.powers))
-
-
-@contextmanager
-def _cap(terms: int) -> Iterator[None]:
-    """Let series have so many terms."""
-    before = ctx.cap
-    ctx.cap = terms
-    try:
-        yield
-    finally:
-        ctx.cap = before

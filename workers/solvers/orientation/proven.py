@@ -15,7 +15,7 @@ from math import floor
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
-from service.dynamics.equations.orientation import LOCAL_QUATERNION, PRECESSION
+from service.dynamics.equations.orientation import LOCAL_QUATERNION, PRECESSION, about_vertical
 from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import Problem
 from workers.solvers.certified.certify import Certified, is_narrow
@@ -51,18 +51,11 @@ def with_proven_attitude(
         *there, last = enclose_at(system, partial(with_attitude, start, axes), [*local, proven.period], bits)
         gained = last[10:] if goes_round else (arb(0), arb(0))
         first = with_attitude(start, axes)[6:10]
-        is_turned = (
-            float(
-                sum(
-                    (x * y for x, y in zip(_about_vertical(gained[0], first), last[6:10], strict=True)),
-                    arb(0),
-                )
-            )
-            < 0.0
-        )
+        turned = zip(_turned_by(gained[0], first), last[6:10], strict=True)
+        is_turned = float(sum((x * y for x, y in turned), arb(0))) < 0.0
         rows = []
         for n, state, row in zip(turns, proven.states, there, strict=True):
-            quaternion = _about_vertical(n * gained[0], row[6:10])
+            quaternion = _turned_by(n * gained[0], row[6:10])
             sign = -1 if is_turned and n % 2 else 1
             angles = [psi + n * gain for psi, gain in zip(row[10:], gained, strict=True)]
             rows.append((*state, *(sign * x for x in quaternion), *angles))
@@ -72,8 +65,6 @@ def with_proven_attitude(
     return replace(proven, states=tuple(rows), columns=columns, precession=(gained[0], gained[1]))
 
 
-def _about_vertical(angle: arb, quaternion: tuple[arb, ...]) -> tuple[arb, ...]:
-    """Return the attitude turned about the vertical of space."""
+def _turned_by(angle: arb, quaternion: tuple[arb, ...]) -> tuple[arb, ...]:
     sine, cosine = (angle / 2).sin_cos()
-    a, b, c, d = quaternion
-    return cosine * a - sine * d, cosine * b - sine * c, cosine * c + sine * b, cosine * d + sine * a
+    return about_vertical(cosine, sine, quaternion)

@@ -1,9 +1,10 @@
 """Balls: rigorous enclosures with python-flint's ``arb``, at the current ``flint.ctx.prec``."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from fractions import Fraction
 
-from flint import arb, fmpq
+from flint import arb, ctx, fmpq
 
 from service.dynamics.formula.algebra import OperatorAlgebra
 
@@ -21,6 +22,17 @@ _FUNCTIONS: dict[str, Callable[[arb], arb]] = {
 def ball(value: Fraction) -> arb:
     """Return the ball of a rational at the current precision."""
     return arb(fmpq(value.numerator, value.denominator))
+
+
+@contextmanager
+def series_of(terms: int) -> Iterator[None]:
+    """Let flint's series have so many terms."""
+    before = ctx.cap
+    ctx.cap = terms
+    try:
+        yield
+    finally:
+        ctx.cap = before
 
 
 class BallAlgebra(OperatorAlgebra[arb]):

@@ -12,8 +12,8 @@ from typing import Literal
 from flint import arb, ctx
 
 Order = Literal["power", "fractional", "none"]
-"""P is like the second to MAX_ORDER-th power of the distance; like one between the first and the second;
-like none of these."""
+"""P is like the second to MAX_ORDER-th power of the distance; like one between the first and the second, or,
+where it touches 0, below the second; like none of these."""
 
 MAX_ORDER = 16
 GROWTH_LOG2_DISTANCES = (8, 12, 16, 20, 24)
@@ -28,13 +28,17 @@ MINIMUM_SHARE = 1e-6
 """Share of where it began that a minimum must fall below then to be a zero: |x|^(1/2) comes to 1e-8."""
 
 
-def order_of_zero(function: Callable[[arb], arb], x: arb) -> Order:
+def order_of_zero(
+    function: Callable[[arb], arb], x: arb, least: float = 1.0 + WHOLE_EXPONENT_DISTANCE
+) -> Order:
     """Tell whether ``function`` grows about its zero ``x`` like a whole power of the distance from it.
+
+    ``least`` is the least exponent that is told as ``fractional``, if it is below the second power.
 
     The exponent is measured at distances that shrink until it settles: another zero, or
     the function's own curvature, may be seen from afar. Where it never settles, as about
-    the zero of exp(-1/x²), whose exponent grows without bound, or settles below 1, as
-    about that of |x|^(1/2), the answer is ``none``.
+    the zero of exp(-1/x²), whose exponent grows without bound, or settles below ``least``, the
+    answer is ``none``.
     """
     x, before = x.mid(), inf
     for bits in GROWTH_LOG2_DISTANCES:
@@ -48,7 +52,7 @@ def order_of_zero(function: Callable[[arb], arb], x: arb) -> Order:
             return "power"
         if (
             abs(exponent - before) <= STEADY_EXPONENT_CHANGE
-            and 1.0 + WHOLE_EXPONENT_DISTANCE < exponent < 2.0 - WHOLE_EXPONENT_DISTANCE
+            and least < exponent < 2.0 - WHOLE_EXPONENT_DISTANCE
         ):
             return "fractional"
         before = exponent
@@ -280,23 +284,26 @@ def _crossing(radicand: Radicand, left: LoopPlace, right: LoopPlace) -> Zero:
 
 
 def _touch(radicand: Radicand, place: LoopPlace) -> Zero:
-    """Return the zero at a place where P touches 0."""
-    zero = _of_order(radicand, place)
+    """Return the zero at a place where P touches 0.
+
+    With P > 0 on both sides a motion has two ways to go on also where P is like |x|, or a root of it.
+    """
+    zero = _of_order(radicand, place, MIN_ZERO_POWER)
     if zero.kind != "flat":
         return zero
     # The place may be too far from a zero of high order for its order to be seen.
     x = place.x.mid()
     reach = abs(x) * arb(2) ** -8
     better = lowest_place(lambda at: radicand(LoopPlace(place.region, at)), x - reach, x + reach, arb(0))
-    return _of_order(radicand, LoopPlace(place.region, better))
+    return _of_order(radicand, LoopPlace(place.region, better), MIN_ZERO_POWER)
 
 
-def _of_order(radicand: Radicand, place: LoopPlace) -> Zero:
-    return Zero(place.v(), _KIND_OF[_order(radicand, place)])
+def _of_order(radicand: Radicand, place: LoopPlace, least: float = 1.0 + WHOLE_EXPONENT_DISTANCE) -> Zero:
+    return Zero(place.v(), _KIND_OF[_order(radicand, place, least)])
 
 
-def _order(radicand: Radicand, place: LoopPlace) -> Order:
-    return order_of_zero(lambda x: radicand(LoopPlace(place.region, x)), place.x)
+def _order(radicand: Radicand, place: LoopPlace, least: float = 1.0 + WHOLE_EXPONENT_DISTANCE) -> Order:
+    return order_of_zero(lambda x: radicand(LoopPlace(place.region, x)), place.x, least)
 
 
 def tends_to_zero(radicand: Radicand, v: arb) -> bool:

@@ -6,6 +6,7 @@ certified tier, the integrals from rigorous quadrature: no series, no time, and 
 """
 
 import json
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from itertools import accumulate, pairwise
@@ -23,15 +24,16 @@ from service.dynamics.equations.orientation import (
     orientation_errors,
     trajectory_errors,
 )
-from service.dynamics.motion import COLUMNS
+from service.dynamics.motion import COLUMNS, PlaceError
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.jobs.records import Refused, Solved
 from service.schemas.problem.problem import read_problem
 from service.storage.codecs.packing import decode_arrays, decode_dense
 from tests.support.effort import examples
 from tests.support.witnesses.rotation_matrix import rotation_matrix
-from workers.computation.compute import solve_document
+from workers.computation.compute import solve, solve_document
 from workers.solvers.choose import enclose
+from workers.solvers.orientation.solve import with_orientation
 
 TIMES = [Fraction(k, 4) for k in range(41)]
 BITS = 64
@@ -203,3 +205,25 @@ def test_a_promise_that_cannot_be_kept_for_the_attitude_is_refused(tier, stop):
     assert set(claims) == {*QUATERNION, "psi1", "psi3"}
     for name, claim in claims.items():
         assert claim <= TIER_TOLERANCES[tier] * max(1.0, np.abs(columns[name]).max())
+
+
+@pytest.mark.parametrize("name", ["rest to equator", "A = 3C"])
+def test_an_attitude_claims_what_a_place_that_is_late_makes_of_it(name):
+    """A time that is off turns the body on by its rates: by its own function of time, a little later."""
+    motion, late = solve(read_problem(document(*MOTIONS[name]))), 1e-7
+    # Errors of p and r that are large hide nothing of it.
+    wide = replace(motion, dense=replace(motion.dense, error=1.0))
+    dense = with_orientation(replace(wide, place_error=PlaceError(late))).dense
+    times = np.linspace(0.0, dense.period.hi, 400)
+    here, there = (orientation_columns(dense, times + by) for by in (0.0, late))
+    for each in ("psi1", "psi3"):
+        moved = there[each] - here[each]
+        # ψ is 0 at t = 0, wherever the body is then: the start is as late as the rest.
+        apart = np.abs(moved - moved[0]).max()
+        # Twice the largest rate, for both ends, and roundings.
+        assert apart <= dense.errors[each] <= 2.01 * np.abs(moved).max()
+    # An error of p and r alone is none of the attitude.
+    alone = with_orientation(
+        replace(motion, place_error=PlaceError(), dense=replace(motion.dense, error=late))
+    )
+    assert max(alone.dense.errors.values()) <= 1e-3 * late

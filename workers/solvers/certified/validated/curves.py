@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from operator import mul
 
-from flint import arb, arb_poly, arb_series, ctx
+from flint import arb, arb_poly, arb_series
 
-from service.dynamics.formula.algebras.ball import BallAlgebra, ball
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball, series_of
 from service.dynamics.formula.tape import Instruction
 from workers.solvers.certified.validated.system import SystemProgram
 
@@ -117,12 +117,8 @@ class StepCurves:
         return curve.truncate(self._degree + 1) + arb(0, rest)
 
     def _guess(self, function: Callable[[arb_series], arb_series], curve: Curve) -> Curve:
-        cap = ctx.cap
-        try:
-            ctx.cap = self._degree + 1
+        with series_of(self._degree + 1):
             return middles(function(arb_series(curve, self._degree + 1)))
-        finally:
-            ctx.cap = cap
 
     def _inverse(self, curve: Curve) -> Curve:
         """Return 1/curve: W/(1 − e) with the guess W and e = 1 − W·curve."""
