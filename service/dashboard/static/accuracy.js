@@ -39,14 +39,14 @@ function showSavings(rows, tiers) {
     const pairs = of(tier).map((row) => [row, of(tiers[k + 1]).filter(alike(row))[of(tier).filter(alike(row)).indexOf(row)]]).filter(([, better]) => better);
     const faster = pairs.filter(([row, better]) => row.seconds < WORTH * better.seconds);
     const names = [...new Set(faster.map(([row]) => `${row.family}, ${row.kind}`))];
-    return pairs.length ? h("li", {}, `${tier} saves time beside ${tiers[k + 1]} on ${faster.length} of ${pairs.length} problems${faster.length && faster.length < pairs.length ? ` (${names.join("; ")})` : ""}.`) : null;
+    return pairs.length ? h("li", {}, `${tier} is clearly faster than ${tiers[k + 1]} on ${faster.length} of ${pairs.length} problems${faster.length && faster.length < pairs.length ? ` (${names.join("; ")})` : ""}.`) : null;
   }).filter(Boolean));
 }
 
 /** Show ways to the same samples beside each other, each with a mark of its own, and what each output adds. */
 async function showComparison(comparison) {
   const { ways, outputs, problem, load } = comparison;
-  $("compared-where").textContent = `${problem} Measured before it was shipped, ${where(comparison)}, load ${number(load, 2)}${load > QUIET ? ": a busy machine, so ratios count" : ""}.`;
+  $("compared-where").textContent = `${problem} Measured before it was shipped, ${where(comparison)}, load ${number(load, 2)}${load > QUIET ? ": on a busy machine, where only ratios mean something" : ""}.`;
   fill($("ways-table"), table("Methods", ["Method", "Tier or tolerance", "Seconds", "Error"], ways.map(({ way, setting, seconds, error }) => [way, setting, figure(seconds), figure(error)])));
   fill($("outputs"), table("Outputs", ["Motion", "Output", "Seconds of the job", "Added"], outputs.map(({ problem: name, output, seconds, added }) =>
     [name, output, figure(seconds), added === null ? "–" : figure(added)])));

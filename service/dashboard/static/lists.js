@@ -184,7 +184,7 @@ async function showAnswer(isUnwanted) {
     showChips(where, go); // a condition that is refused can be taken away
     $("table").classList.add("stale"); // rows of the question before
     for (const id of ["more", "first"]) $(id).hidden = true;
-    $("count").textContent = "The rows above answer the question before.";
+    $("count").textContent = "The rows above are those of the previous question.";
     tellFaults(isOrder ? of("where") : of("where") || error.faults.map(({ message }) => message).join("; ") || error.message, of("order"));
     return null;
   }

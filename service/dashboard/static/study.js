@@ -139,7 +139,7 @@ function integralAnswer(found) {
   return [VERDICTS[found.verdict](found.holds),
     found.name || independence || found.multiplier || found.except_where.length ? facts(found.name && ["Known as", personText(found.name)], independence,
       found.multiplier && ["Its rate is this times itself", formula(found.multiplier)], found.except_where.length && ["Nothing is claimed where", formula(found.except_where.join(" = 0 or ")), " is 0"]) : null,
-    other && h("h3", {}, isWider ? "A state of other motions, at which it changes" : "The state"),
+    other && h("h3", {}, isWider ? "A state outside of these motions, at which the function changes" : "The state"),
     other && table(["p", "q", "r", "g1", "g2", "g3"], [[...other.state.omega, ...other.state.gamma]]),
     other && facts(["Its rate there, which is not 0", ...ball(other.rate)], other.state.radius && ["Each number of the state is known to", other.state.radius],
       Object.keys(other.letters).length && ["With", formula(Object.entries(other.letters).map(([name, value]) => `${name} = ${value}`).join(", "))])];
@@ -153,8 +153,8 @@ function integralsAnswer(found) {
   return [said(integrals.length || special.length ? true : null, integrals.length ? counted(integrals.length, "more integral") : "No more integrals", " than the energy and the areas, for all values of the letters; what depends on others is left out."),
     integrals.length ? table(INTEGRAL_HEADS, integralRows(integrals)) : null,
     ...special.map(({ conditions, integrals: more, resolved }) => h("section", {}, h("h3", {}, "Where ", formula(conditions.map((one) => `${one} = 0`).join(", "))),
-      resolved ? table(INTEGRAL_HEADS, integralRows(more)) : h("p", { class: "hint" }, "It was not found whether there are more here."))),
-    found.complete ? null : h("p", { class: "hint" }, "The time was over: there may be more special values.")];
+      resolved ? table(INTEGRAL_HEADS, integralRows(more)) : h("p", { class: "hint" }, "Whether there are more here was not decided."))),
+    found.complete ? null : h("p", { class: "hint" }, "The time limit was reached: there may be more special values.")];
 }
 
 function potentialsAnswer(found, { body }) {

@@ -231,7 +231,7 @@ class JobStore:
             )
 
     def note_progress(self, shares: Sequence[tuple[Claim, float]]) -> None:
-        """Note how much of jobs is done: never less than before, and if claims hold."""
+        """Note how much of jobs is done, less than all: never less than before, and if claims hold."""
         with self._database.write() as session:
             for claim, share in shares:
                 session.execute(

@@ -20,7 +20,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 REST_OF_PI = 1.2246467991473532e-16
-"""What the double of π leaves out, as a double."""
+"""The rest of π beyond its double, as a double."""
 _ALL_EXACT = 2**53
 
 _OPERATIONS = ("constant", "add", "subtract", "multiply", "divide", "negate", "power", "general_power")
