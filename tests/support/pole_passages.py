@@ -102,6 +102,9 @@ def motions() -> dict[str, Passing]:
         alpha = number(A)
         return lambda x, z, u: -(x ** (2 - 2 / alpha)) + (alpha * x * x + z * z) * u.log() / 20
 
+    def V_steep(x: arb, z: arb, u: arb) -> arb:
+        return -(x ** number("97/49")) + (98 * x * x + z * z) * (1 - u) * (1 + u) / 200
+
     def formula(text: str) -> dict[str, object]:
         return {"type": "expression", "expression": text}
 
@@ -125,6 +128,14 @@ def motions() -> dict[str, Passing]:
         "17/4": power("17/4"),
         "next to 1": power("1000000001/1000000000"),
         "101/2": power("101/2", 240),
+        # V hardly varies along the curve, and much in g1 and in g2.
+        "98": Passing(
+            "98",
+            formula("-abs(g1)^(97/49) + (98*g1^2 + g3^2)*(g2 - g2^2/2)/100"),
+            V_steep,
+            number("1/98"),
+            240,
+        ),
         "a million": power("1000000", 480),
     }
 

@@ -49,9 +49,7 @@ def hides_something(equations: Equations, block: StretchBatch, *, is_planar: boo
     at_pole = (small < NEAR_POLE_DISTANCE).all(axis=1) | (
         is_planar & (small < SERIES_RELATIVE_ROUNDING).any(axis=1)
     )
-    hidden[hidden] = (
-        ~(varies <= HIDDEN_VARIATION + np.fmax(_finite(seen), _finite(explained))) & ~at_pole
-    )
+    hidden[hidden] = ~(varies <= HIDDEN_VARIATION + np.fmax(_finite(seen), _finite(explained))) & ~at_pole
     return hidden
 
 
