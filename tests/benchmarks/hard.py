@@ -260,6 +260,8 @@ balls, the same problem in other words, and for the samples the most precise tie
 window or an end of another kind, or a plan without all four tiers. The last columns have the largest
 processor seconds of one answer or refusal, of the whole service; what takes {PATIENCE:.0f} s is
 cancelled. Random problems by the thousand are in [docs/honesty.md](honesty.md).
+A kind without numbers has not been asked; of V₁ that stays an integral [docs/performance.md](performance.md)
+has a table.
 """
 TAIL = f"""
 ## What is refused, and what is slow
