@@ -1,6 +1,7 @@
 """Hard problems, in the words of their list, beside quadratures that share no code with the service."""
 
 import json
+from math import factorial
 
 import mpmath as mp
 import pytest
@@ -52,3 +53,30 @@ def test_the_walk_names_claims_that_are_exceeded():
     with ctx.workprec(BITS):
         assert claim("period", {"value": "1", "radius": "1e-30"}, arb("1.00000000000000000001")) != []
     assert claim("end", {}, arb(1)) == ["end: none"]
+
+
+@pytest.mark.parametrize(
+    ("text", "coefficients"),
+    [
+        ("(exp(g2)-1)/g2", [f"1/{factorial(k + 1)}" for k in range(18)]),
+        *seldom(
+            (
+                "sin(g2)/g2",
+                [f"{(-1) ** (k // 2)}/{factorial(k + 1)}" if k % 2 == 0 else "0" for k in range(18)],
+            )
+        ),
+    ],
+)
+def test_a_quotient_of_zeros_has_the_motion_of_its_series(text, coefficients):
+    """Eighteen terms leave out less than 1/18!, 2e-16; what changes V by so much moves samples by less."""
+    series = "+".join(f"({each})*g2^{k}" for k, each in enumerate(coefficients))
+    samples, errors = [], []
+    for of_g2 in (text, series):
+        asked = problem(2, expression(f"-g1-{Q}/20*({of_g2})"))
+        found = solve_document(json.dumps({**asked, "accuracy": {"tier": "standard"}}))
+        assert isinstance(found, Solved)
+        samples.append(decode_arrays(found.samples))
+        errors.append(found.summary["error"])
+    for name in ("p", "r", "g1", "g2", "g3"):
+        assert abs(samples[0][name] - samples[1][name]).max() <= sum(errors) + 1e-15
+    assert max(errors) < 1e-10

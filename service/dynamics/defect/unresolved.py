@@ -1,15 +1,21 @@
 """Stretches too short to be cut again, about which the equations have no bound, and what may hide on them.
 
 At a kink, or where a power such as |g1|^(4/3) has no second derivative, V itself hardly varies on a stretch
-so short. A wall or a well that is narrower than it lets V vary by its height, which no node need have seen.
+so short; nor where it divides 0 by 0 and has a limit. A wall or a well that is narrower than it lets V vary
+by its height, which no node need have seen.
 """
 
+from math import nan
+
 import numpy as np
+from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.defect.accumulation import StretchBatch
 from service.dynamics.defect.equations import Equations
 from service.dynamics.defect.stretches import SERIES_RELATIVE_ROUNDING
+from service.dynamics.reduction.sign_proofs.neighbourhoods import spread_about_zeros
+from service.dynamics.reduction.windows import REDUCTION_BITS
 
 FloatArray = NDArray[np.float64]
 
@@ -23,6 +29,8 @@ varies those in γ1 and in γ2 cancel, in intervals they do not."""
 LEBESGUE_BOUND = 4.0
 """More than the Lebesgue constant of forty Chebyshev points: a polynomial that is at most 1 at them is
 at most this between them."""
+WIDER_FOR_ZEROS = 4.0
+"""How many times wider a stretch is taken to look for places in g2 where V divides 0 by 0."""
 NEAR_POLE_DISTANCE = 1e-3
 """Limit of |g1| and |g3| below which a state is next to a pole: V may have a limit there and no value."""
 
@@ -49,8 +57,23 @@ def hides_something(equations: Equations, block: StretchBatch, *, is_planar: boo
     at_pole = (small < NEAR_POLE_DISTANCE).all(axis=1) | (
         is_planar & (small < SERIES_RELATIVE_ROUNDING).any(axis=1)
     )
-    hidden[hidden] = ~(varies <= HIDDEN_VARIATION + np.fmax(_finite(seen), _finite(explained))) & ~at_pole
+    most = HIDDEN_VARIATION + np.fmax(_finite(seen), _finite(explained))
+    hides = ~(varies <= most) & ~at_pole
+    for k in np.flatnonzero(hides):
+        hides[k] = not _spread_about_zeros(equations, middle[k], radius[k]) <= most[k]
+    hidden[hidden] = hides
     return hidden
+
+
+def _spread_about_zeros(equations: Equations, middle: FloatArray, radius: FloatArray) -> float:
+    """Return by how much V varies at most on a stretch about which it divides 0 by 0; NaN if unknown."""
+    if equations.tape is None:
+        return nan
+    # The place may be beside the stretch, where intervals are wide.
+    wide = radius * [1.0, WIDER_FOR_ZEROS, 1.0]
+    with ctx.workprec(REDUCTION_BITS):
+        box = [arb(c, r) for c, r in zip(middle.tolist(), wide.tolist(), strict=True)]
+        return spread_about_zeros(equations.tape, box)
 
 
 def _finite(variations: FloatArray) -> FloatArray:

@@ -7,10 +7,11 @@ times another one of them. So exp(g2) − 1 − g2 is δ² times something, and 
 """
 
 import operator
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
+from math import nan
 
 from flint import arb
 
@@ -22,7 +23,7 @@ from service.dynamics.formula.vanishing import VanishingPart, vanishing_parts
 from service.dynamics.reduction.geometry.slopes import SecondScale, derivatives_along
 from service.dynamics.reduction.root_finding.zeros import enclose_zero
 from service.dynamics.reduction.sign_proofs.cells import Curves
-from service.dynamics.reduction.sign_proofs.high_zeros import exact_place, taylor_of_function
+from service.dynamics.reduction.sign_proofs.high_zeros import ExactPlace, exact_place, taylor_of_function
 from service.dynamics.reduction.sign_proofs.signs_in_balls import LOG_POWER
 
 UNDEFINED = 2
@@ -265,40 +266,79 @@ def neighbourhoods(curves: Curves, g: list[arb]) -> Iterator[Neighbourhood]:
     Of one part that is monotone there, without a place that is exact; then of all parts at an exact place.
     """
     for part in vanishing_parts(curves.tape):
-        u = taylor_of_function(BallAlgebra(), part.part, g[1], 0)[0]
-        for order in range(1, MAX_ORDER_OF_PART + 1) if u.contains(0) else ():
-            slope = taylor_of_function(BallAlgebra(), part.part, g[1], order)[order]
-            sign = sign_of(slope if slope.is_finite() else None)
-            if not sign:
-                continue
-            crossing = partial(_derivative, part.part, order - 1)
-            if order == 1:
-                of_part = _Input(1, arb(sign), slope)
-                yield Neighbourhood(curves, part, g, crossing, part.whole, (of_part,), u.abs_upper())
-            yield from _about_exact(curves, part, g, crossing)
-            break
+        found = _first_slope(part.part, g[1])
+        if found is None:
+            continue
+        order, slope = found
+        crossing = partial(_derivative, part.part, order - 1)
+        if order == 1:
+            size = taylor_of_function(BallAlgebra(), part.part, g[1], 0)[0].abs_upper()
+            of_part = _Input(1, arb(sign_of(slope)), slope)
+            yield Neighbourhood(curves, part, g, crossing, part.whole, (of_part,), size)
+        exact = _exact_inputs(curves.tape, part.part, g[1], crossing)
+        if exact is not None:
+            place, inputs = exact
+            size, away = abs(g[1] - place.g2).abs_upper(), partial(operator.sub, place.g2)
+            yield Neighbourhood(curves, part, g, away, place.whole, inputs, size, has_no_g2=place.g2 == 0)
+
+
+def spread_about_zeros(tape: Tape, g: Sequence[arb]) -> float:
+    """Return by how much a formula varies at most in a box of g1, g2, g3 where parts vanish at an exact g2.
+
+    So 0/0 has bounds where it has a limit. NaN if nothing is proved. Parts of it are bounded by powers of the
+    distance from that g2, on either side.
+    """
+    for part in vanishing_parts(tape):
+        found = _first_slope(part.part, g[1])
+        crossing = None if found is None else partial(_derivative, part.part, found[0] - 1)
+        exact = None if crossing is None else _exact_inputs(tape, part.part, g[1], crossing)
+        if exact is None:
+            continue
+        place, inputs = exact
+        algebra = LongDomainIntervals(arb(0), abs(g[1] - place.g2).abs_upper())
+        nothing, values = algebra.constant(Fraction(0)), list[LongInterval]()
+        for side in (1, -1):
+            beside = [each.beside(algebra, side, nothing).u for each in inputs]
+            box = [LongInterval(x.lower(), x.upper()) for x in g]
+            if place.g2 == 0:
+                box[1] = LongInterval(arb(side), arb(side), Fraction(1))
+            values.append(algebra.beside_nothing(place.whole.evaluate(algebra, [*box, *beside])))
+        if not algebra.is_undefined and all(value.is_bounded for value in values):
+            spread = values[0].hi.max(values[1].hi) - values[0].lo.min(values[1].lo)
+            return float(spread.upper())
+    return nan
+
+
+def _first_slope(part: Tape, g2: arb) -> tuple[int, arb] | None:
+    """Return the lowest k with a k-th derivative, over k!, away from 0 on a ball, and it; None: no zero."""
+    if not taylor_of_function(BallAlgebra(), part, g2, 0)[0].contains(0):
+        return None
+    for order in range(1, MAX_ORDER_OF_PART + 1):
+        slope = _derivative(part, order, g2)
+        if sign_of(slope if slope.is_finite() else None):
+            return order, slope
+    return None
 
 
 def _derivative(part: Tape, order: int, g2: arb) -> arb:
     return taylor_of_function(BallAlgebra(), part, g2, order)[order]
 
 
-def _about_exact(
-    curves: Curves, part: VanishingPart, g: list[arb], crossing: Callable[[arb], arb]
-) -> Iterator[Neighbourhood]:
-    low, high = g[1].lower(), g[1].upper()
+def _exact_inputs(
+    tape: Tape, part: Tape, g2: arb, crossing: Callable[[arb], arb]
+) -> tuple[ExactPlace, tuple[_Input, ...]] | None:
+    """Return the exact place inside a ball at which a part vanishes, and all parts that vanish there."""
+    low, high = g2.lower(), g2.upper()
     if not crossing(low) * crossing(high) < 0:
-        return
-    place = exact_place(curves.tape, part.part, enclose_zero(crossing, low, high))
+        return None
+    place = exact_place(tape, part, enclose_zero(crossing, low, high))
     if place is None or not (low < place.g2 and place.g2 < high):
-        return
+        return None
     inputs = []
     for each, order in place.vanishing:
-        T = taylor_of_function(BallAlgebra(), each, g[1], order)[order]
+        T = _derivative(each, order, g2)
         inputs.append(_Input(order, T, order * T))
-    size = abs(g[1] - place.g2).abs_upper()
-    away = partial(operator.sub, place.g2)
-    yield Neighbourhood(curves, part, g, away, place.whole, tuple(inputs), size, has_no_g2=place.g2 == 0)
+    return place, tuple(inputs)
 
 
 def sign_of(D: arb | None) -> int:
