@@ -14,6 +14,7 @@ from service.dynamics.solution.dense_output import FloatArray
 from service.schemas.problem.problem import read_problem
 from tests.support.random_documents import Document, Drawn, Family, draw_problem, with_times
 from workers.computation.compute import solve
+from workers.computation.outputs import in_units
 from workers.solvers.certified.by_integral import integral_motion
 from workers.solvers.certified.certify import Certified, first_try
 from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
@@ -122,7 +123,8 @@ def claims_of(case: Case, tier: Tier) -> list[Claim]:
     DynamicsError
         It is refused.
     """
-    motion = solve(replace(read_problem(case.document(tier)), potential=case.problem.potential))
+    problem = replace(read_problem(case.document(tier)), potential=case.problem.potential)
+    motion = in_units(problem, lambda units: units.motion(solve(units.pose(problem))))
     dense, period = motion.dense, motion.dense.period
     assert period is not None
     # The difference of two balls of 128 bits and a time's, with room to spare.
