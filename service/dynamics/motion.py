@@ -127,7 +127,7 @@ class Motion:
     enclosed_by: EnclosureMethod | None = None
     """How the samples were enclosed that doubles alone did not have to the tolerance; None if they had."""
     place_error: PlaceError | None = None
-    """Where it is known apart from ``dense.error``."""
+    """Errors of the place of a sample; None where ``dense.error`` alone is known."""
     unit: float = 1.0
     """So many times those of g1, g2, g3 are the errors of p, q, r: a power of 2, other than 1 for a motion
     that was solved in units of its own."""

@@ -36,7 +36,7 @@ STATE = ("p", "q", "r", "g1", "g2", "g3")
 
 @dataclass
 class Asked:
-    """What became of one question."""
+    """One question with its answer, or why there is none."""
 
     problem: Hard
     tier: str

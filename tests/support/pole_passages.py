@@ -14,8 +14,8 @@ from flint import arb, ctx, fmpq
 BITS = 400
 """Next to the equator numerator and denominator of the rate vanish: half of the digits are lost there."""
 KNOWN = arb("1e-30")
-"""What the rule leaves out of a time is below this, in parts of the period: halving its step moves none by as
-much."""
+"""A bound of the part of a time that the rule leaves out, in parts of the period: halving its step moves none
+by as much."""
 
 
 @dataclass(frozen=True)

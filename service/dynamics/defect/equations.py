@@ -9,6 +9,7 @@ from fractions import Fraction
 from typing import Generic, TypeVar
 
 import numpy as np
+from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
@@ -21,6 +22,8 @@ from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
+from service.dynamics.reduction.sign_proofs.neighbourhoods import spread_about_zeros
+from service.dynamics.reduction.windows import REDUCTION_BITS
 
 T = TypeVar("T")
 
@@ -148,6 +151,12 @@ class Equations:
         ]
         lo, hi = algebra.bounds(self._formula().evaluate(algebra, sides))
         return np.broadcast_to(hi - lo, centres.shape[1:])
+
+    def spread_about_zeros(self, centre: FloatArray, radius: FloatArray) -> float:
+        """Return the same for a box, shapes (3,), in which V divides 0 by 0; NaN if no place is found."""
+        with ctx.workprec(REDUCTION_BITS):
+            box = [arb(c, r) for c, r in zip(centre.tolist(), radius.tolist(), strict=True)]
+            return spread_about_zeros(self._formula(), box)
 
     def slopes(self, gamma: FloatArray) -> FloatArray:
         """Return the gradient of V at places of the shape (..., 3), same shape, where it has a formula."""

@@ -5,17 +5,12 @@ so short; nor where it divides 0 by 0 and has a limit. A wall or a well that is 
 by its height, which no node need have seen.
 """
 
-from math import nan
-
 import numpy as np
-from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.defect.accumulation import StretchBatch
 from service.dynamics.defect.equations import Equations
 from service.dynamics.defect.stretches import SERIES_RELATIVE_ROUNDING
-from service.dynamics.reduction.sign_proofs.neighbourhoods import spread_about_zeros
-from service.dynamics.reduction.windows import REDUCTION_BITS
 
 FloatArray = NDArray[np.float64]
 
@@ -59,21 +54,12 @@ def hides_something(equations: Equations, block: StretchBatch, *, is_planar: boo
     )
     most = HIDDEN_VARIATION + np.fmax(_finite(seen), _finite(explained))
     hides = ~(varies <= most) & ~at_pole
+    # A place where V divides 0 by 0 may be beside the stretch, where intervals are wide.
+    wide = radius * [1.0, WIDER_FOR_ZEROS, 1.0]
     for k in np.flatnonzero(hides):
-        hides[k] = not _spread_about_zeros(equations, middle[k], radius[k]) <= most[k]
+        hides[k] = not equations.spread_about_zeros(middle[k], wide[k]) <= most[k]
     hidden[hidden] = hides
     return hidden
-
-
-def _spread_about_zeros(equations: Equations, middle: FloatArray, radius: FloatArray) -> float:
-    """Return by how much V varies at most on a stretch about which it divides 0 by 0; NaN if unknown."""
-    if equations.tape is None:
-        return nan
-    # The place may be beside the stretch, where intervals are wide.
-    wide = radius * [1.0, WIDER_FOR_ZEROS, 1.0]
-    with ctx.workprec(REDUCTION_BITS):
-        box = [arb(c, r) for c, r in zip(middle.tolist(), wide.tolist(), strict=True)]
-        return spread_about_zeros(equations.tape, box)
 
 
 def _finite(variations: FloatArray) -> FloatArray:

@@ -298,15 +298,16 @@ class Functions(DerivedOperations[Quotient]):
 
     def enclosed(self, polynomial: fmpz_mpoly, values: Mapping[str, arb]) -> arb:
         """Return the value of a polynomial without atoms at enclosed variables and letters."""
-        names = (*STATE, *self.setting.letters)
-        inputs = [values.get(name, arb.nan()) for name in names]  # those that it has are known
-        return self.tape(polynomial).evaluate(BallAlgebra(), inputs)
+        tape = self.tape(polynomial)
+        inputs = [values.get(name, arb.nan()) for name in tape.variables]  # those that it has are known
+        return tape.evaluate(BallAlgebra(), inputs)
 
     def tape(self, polynomial: fmpz_mpoly) -> Tape:
         """Return a polynomial without atoms as a tape over the state and the letters, however long it is."""
-        recorder = Recorder((*STATE, *self.setting.letters))
+        variables = (*STATE, *self.setting.letters)
+        recorder = Recorder(variables)
         emit, names = recorder.emit, self.ring.names()[self.atoms :]
-        places = {name: place for place, name in enumerate((*STATE, *self.setting.letters))}
+        places = {name: place for place, name in enumerate(variables)}
         total = emit(Instruction("constant", number=Fraction(0)))
         for exponents, coefficient in polynomial.terms():
             term = emit(Instruction("constant", number=Fraction(int(coefficient))))

@@ -171,7 +171,7 @@ def choose_tier(problem: Problem, window: Part | None, table: AccuracyTable) -> 
     if budget is None:
         raise ValueError("the problem has no budget")
     kind, family = kind_of(problem, window), family_of(problem.body, problem.potential)
-    return best_tier(table, budget, samples_of(problem), kind, family).require_fit(budget)
+    return best_tier(table, budget, problem.time.samples, kind, family).require_fit(budget)
 
 
 def expected_of_tiers(
@@ -179,17 +179,12 @@ def expected_of_tiers(
 ) -> dict[Tier, Expected | Unavailable | None]:
     """Return what is expected of ``problem`` at each tier, by the table alone."""
     kind, family = kind_of(problem, window), family_of(problem.body, problem.potential)
-    return {tier: expected(table, tier, samples_of(problem), kind, family) for tier in TIERS}
+    return {tier: expected(table, tier, problem.time.samples, kind, family) for tier in TIERS}
 
 
 def with_tier(document: Part, choice: TierChoice) -> Part:
     """Return a problem document with the tier in place of its budget."""
     return {**document, "accuracy": {"tier": choice.tier}}
-
-
-def samples_of(problem: Problem) -> int:
-    """Return how many samples a problem asks for."""
-    return problem.time.samples
 
 
 def kind_of(problem: Problem, window: Part | None) -> MotionKind:

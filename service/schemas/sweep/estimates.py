@@ -29,7 +29,7 @@ from service.dynamics.formula.parser import parse
 from service.dynamics.motion import columns_of
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.verdict.proofs.power_sums import is_power_sum
-from service.schemas.problem.problem import kind_of, samples_of
+from service.schemas.problem.problem import kind_of
 from service.schemas.reading.documents import Part
 from service.schemas.sweep.sweep import Sweep
 
@@ -143,7 +143,7 @@ def job_seconds(problem: Problem, found: ExaminedPoint, table: AccuracyTable, sc
     """Return the seconds of a job alone, without its verdict, its request and its storing."""
     kind, family = _kind(problem, found), family_of(problem.body, problem.potential)
     seconds = LEAST_SECONDS
-    known = expected(table, problem.accuracy.tier, samples_of(problem), kind, family)
+    known = expected(table, problem.accuracy.tier, problem.time.samples, kind, family)
     if isinstance(known, Expected):
         seconds = max(
             seconds, known.seconds - _unneeded(problem, kind, family, table) - REQUEST_SECONDS * scale
@@ -354,7 +354,7 @@ def _is_aperiodic(problem: Problem, found: ExaminedPoint) -> bool:
 
 def _unneeded(problem: Problem, kind: MotionKind, family: Family, table: AccuracyTable) -> float:
     """Return the seconds that a row of 1000 samples has for those beyond the asked ones."""
-    missing = 1.0 - min(1.0, samples_of(problem) / 1000)
+    missing = 1.0 - min(1.0, problem.time.samples / 1000)
     more = expected(table, problem.accuracy.tier, 2000, kind, family)
     one = expected(table, problem.accuracy.tier, 1000, kind, family)
     if not (isinstance(more, Expected) and isinstance(one, Expected)):
@@ -389,7 +389,7 @@ def _job_bytes(problem: Problem) -> float:
     function = FUNCTION_BYTES
     if isinstance(problem.motion, StateMotion) or problem.method == "integration":
         function = round(max(FUNCTION_BYTES, UNIT_BYTES * _phase(problem)))
-    return JOB_BYTES + function + SERIES_BYTES * samples_of(problem) * len(columns)
+    return JOB_BYTES + function + SERIES_BYTES * problem.time.samples * len(columns)
 
 
 def _slow_parts(problem: Problem, found: ExaminedPoint) -> Iterator[SlowReason]:
@@ -402,7 +402,7 @@ def _slow_parts(problem: Problem, found: ExaminedPoint) -> Iterator[SlowReason]:
         yield SlowReason("/time", "the errors of an integration grow with time, and its steps with them")
     if "orientation" in problem.outputs or "stability" in problem.outputs:
         yield SlowReason("/outputs", "orientation and stability are computed besides, along the whole motion")
-    if samples_of(problem) > 10_000:
+    if problem.time.samples > 10_000:
         yield SlowReason("/time/samples", "every sample is computed and stored")
     if _is_aperiodic(problem, found) or isinstance(problem.motion, ClassicalMotion):
         yield SlowReason(

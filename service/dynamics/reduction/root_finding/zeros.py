@@ -19,6 +19,7 @@ MAX_ORDER = 16
 GROWTH_LOG2_DISTANCES = (8, 12, 16, 20, 24)
 """-log2 of the distances, relative to the place, at which the growth of P is measured."""
 WHOLE_EXPONENT_DISTANCE = 0.02
+MIN_FRACTIONAL_EXPONENT = 1.0 + WHOLE_EXPONENT_DISTANCE
 """An exponent closer than this to a whole number, at two neighbouring distances, is that number."""
 STEADY_EXPONENT_CHANGE = 0.002
 """A fractional exponent is the same to this at two neighbouring distances."""
@@ -28,9 +29,7 @@ MINIMUM_SHARE = 1e-6
 """Share of where it began that a minimum must fall below then to be a zero: |x|^(1/2) comes to 1e-8."""
 
 
-def order_of_zero(
-    function: Callable[[arb], arb], x: arb, least: float = 1.0 + WHOLE_EXPONENT_DISTANCE
-) -> Order:
+def order_of_zero(function: Callable[[arb], arb], x: arb, least: float = MIN_FRACTIONAL_EXPONENT) -> Order:
     """Tell whether ``function`` grows about its zero ``x`` like a whole power of the distance from it.
 
     ``least`` is the least exponent that is told as ``fractional``, if it is below the second power.
@@ -298,11 +297,11 @@ def _touch(radicand: Radicand, place: LoopPlace) -> Zero:
     return _of_order(radicand, LoopPlace(place.region, better), MIN_ZERO_POWER)
 
 
-def _of_order(radicand: Radicand, place: LoopPlace, least: float = 1.0 + WHOLE_EXPONENT_DISTANCE) -> Zero:
+def _of_order(radicand: Radicand, place: LoopPlace, least: float = MIN_FRACTIONAL_EXPONENT) -> Zero:
     return Zero(place.v(), _KIND_OF[_order(radicand, place, least)])
 
 
-def _order(radicand: Radicand, place: LoopPlace, least: float = 1.0 + WHOLE_EXPONENT_DISTANCE) -> Order:
+def _order(radicand: Radicand, place: LoopPlace, least: float = MIN_FRACTIONAL_EXPONENT) -> Order:
     return order_of_zero(lambda x: radicand(LoopPlace(place.region, x)), place.x, least)
 
 

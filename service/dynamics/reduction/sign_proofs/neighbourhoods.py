@@ -269,10 +269,9 @@ def neighbourhoods(curves: Curves, g: list[arb]) -> Iterator[Neighbourhood]:
         found = _first_slope(part.part, g[1])
         if found is None:
             continue
-        order, slope = found
+        order, slope, size = found
         crossing = partial(_derivative, part.part, order - 1)
         if order == 1:
-            size = taylor_of_function(BallAlgebra(), part.part, g[1], 0)[0].abs_upper()
             of_part = _Input(1, arb(sign_of(slope)), slope)
             yield Neighbourhood(curves, part, g, crossing, part.whole, (of_part,), size)
         exact = _exact_inputs(curves.tape, part.part, g[1], crossing)
@@ -309,14 +308,18 @@ def spread_about_zeros(tape: Tape, g: Sequence[arb]) -> float:
     return nan
 
 
-def _first_slope(part: Tape, g2: arb) -> tuple[int, arb] | None:
-    """Return the lowest k with a k-th derivative, over k!, away from 0 on a ball, and it; None: no zero."""
-    if not taylor_of_function(BallAlgebra(), part, g2, 0)[0].contains(0):
+def _first_slope(part: Tape, g2: arb) -> tuple[int, arb, arb] | None:
+    """Return the lowest k whose derivative, over k!, is away from 0 on a ball, it, and a bound of the part.
+
+    None if the part has no zero there, or none of so low an order.
+    """
+    value = _derivative(part, 0, g2)
+    if not value.contains(0):
         return None
     for order in range(1, MAX_ORDER_OF_PART + 1):
         slope = _derivative(part, order, g2)
         if sign_of(slope if slope.is_finite() else None):
-            return order, slope
+            return order, slope, value.abs_upper()
     return None
 
 
