@@ -36,7 +36,7 @@ from workers.solvers import choose
 from workers.solvers.assembly.families import Declined, Place, periodic_place
 from workers.solvers.certified.by_integral import IntegralMotion, integral_motion, periodic_window
 from workers.solvers.choose import FAMILIES, FamilyName
-from workers.solvers.closed_form.family import ClosedFormFamily
+from workers.solvers.closed_form import ClosedFormFamily
 from workers.solvers.ways import Way
 from workers.sweeping import chunk
 

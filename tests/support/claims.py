@@ -17,8 +17,8 @@ from workers.computation.compute import solve
 from workers.computation.outputs import in_units
 from workers.solvers.certified.by_integral import integral_motion
 from workers.solvers.certified.certify import Certified, first_try
-from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.choose import enclose
+from workers.solvers.errors import CertifiedUnavailableError, PrecisionNeededError
 
 CLAIMS = {
     "samples": "the asked samples",

@@ -23,7 +23,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import FormulaPotential, NoClosedFormError, Potential
-from workers.solvers.integration.errors import UndefinedStartError, UnsupportedFormulaError
+from workers.solvers.errors import UndefinedStartError, UnsupportedFormulaError
 from workers.solvers.integration.interface import (
     Rounding,
     Run,

@@ -22,7 +22,7 @@ from tests.support.hostile_motions import BITS, TrueMotion, TrueWindow, motion_o
 from tests.support.hostile_reference import UnknownError
 from workers.computation.compiled_code import keep_compiled_code
 from workers.computation.compute import as_solved, certified_samples, solve
-from workers.solvers.certified.errors import CertifiedUnavailableError
+from workers.solvers.errors import CertifiedUnavailableError
 
 SAME = 1e-11
 """Ends of windows further apart are different; they are doubles near balls of 160 bits."""

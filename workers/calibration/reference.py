@@ -21,8 +21,8 @@ from service.jobs.records import Refused
 from service.schemas.problem.problem import read_problem
 from service.storage.codecs.packing import decode_arrays
 from workers.computation.compute import solve_document
-from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.choose import enclose
+from workers.solvers.errors import CertifiedUnavailableError
 
 FloatArray = NDArray[np.float64]
 

@@ -57,12 +57,16 @@ from workers.computation.enclosures import (
 from workers.computation.outputs import InUnits, compute_outputs, errors_of, in_units, require_promise
 from workers.computation.summary import has_proven_attitude, summarise
 from workers.solvers.certified.certify import Certified
-from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.certified.validated.enclose import Watch
 from workers.solvers.certified.validated.motion import prove_motion
 from workers.solvers.choose import choose_enclosures, find_motion, proven_start
 from workers.solvers.cross_check import compare
-from workers.solvers.errors import AccuracyNotMetError, require_error_within, require_period_known
+from workers.solvers.errors import (
+    AccuracyNotMetError,
+    CertifiedUnavailableError,
+    require_error_within,
+    require_period_known,
+)
 from workers.solvers.units import Units
 from workers.solvers.ways import NotReadyError, Way, on_way
 

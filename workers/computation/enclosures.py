@@ -19,11 +19,15 @@ from service.dynamics.sampling import exact_instants
 from service.dynamics.solution.ball_columns import JOIN_BITS, RADIUS, split
 from service.dynamics.solution.dense_output import Period
 from workers.solvers.certified.certify import Certified
-from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.choose import choose_enclosures, enclose, proven_start
-from workers.solvers.errors import AccuracyNotMetError, is_known, require_period_known
+from workers.solvers.errors import (
+    AccuracyNotMetError,
+    CertifiedUnavailableError,
+    is_known,
+    require_period_known,
+)
 from workers.solvers.evidence import with_samples_raised
-from workers.solvers.orientation.proven import with_proven_attitude
+from workers.solvers.orientation.advance import with_proven_attitude
 
 FloatArray = NDArray[np.float64]
 

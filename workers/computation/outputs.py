@@ -41,15 +41,13 @@ from workers.solvers.assembly.families import Place
 from workers.solvers.certified.certify import Certified
 from workers.solvers.choose import QUICK_SPEED, compiled_tier, find_motion, proven_start, with_enough_bits
 from workers.solvers.classical.solve import place_motion
-from workers.solvers.closed_form.lame import transverse_stability
-from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError
+from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError, StepCollapseError
 from workers.solvers.evidence import Drifts, further_drift, measure_drifts
-from workers.solvers.integration.errors import StepCollapseError
 from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.orientation.solve import Orientation, with_orientation
 from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.assessment import Stability, assess_stability
-from workers.solvers.stability.monodromy import StabilityUndefinedError
+from workers.solvers.stability.monodromy import StabilityUndefinedError, transverse_stability
 from workers.solvers.stability.proven import (
     classical_stability,
     planar_stability,

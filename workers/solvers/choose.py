@@ -44,7 +44,7 @@ from workers.solvers.certified.certify import Certified, certify
 from workers.solvers.certified.family import WayFamily
 from workers.solvers.certified.validated.enclose import Start
 from workers.solvers.classical.solve import place_motion, solve_classical
-from workers.solvers.closed_form.family import ClosedFormFamily
+from workers.solvers.closed_form import ClosedFormFamily
 from workers.solvers.compiled.family import CompiledFamily, CompiledTier, arc_in_doubles
 from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError, PrecisionLostError
 from workers.solvers.integration.solve import integrate_from

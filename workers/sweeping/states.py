@@ -32,9 +32,8 @@ from service.schemas.sweep.sweep import Sweep
 from workers.solvers.choose import QUICK_SPEED
 from workers.solvers.compiled.general.records import Models
 from workers.solvers.compiled.general.run_pair import COLLIDED, INACCURATE, VERIFIED
-from workers.solvers.errors import AccuracyNotMetError
+from workers.solvers.errors import AccuracyNotMetError, CollisionError, UnsupportedFormulaError
 from workers.solvers.integration.compiled import CompiledIntegrator, integrator_of, models_of, verified_runs
-from workers.solvers.integration.errors import CollisionError, UnsupportedFormulaError
 from workers.solvers.integration.interface import neighbour_of, rounded_moments
 from workers.solvers.integration.programs import SharedGradient, shared_gradient
 from workers.solvers.integration.solve import run_request_of, tolerances

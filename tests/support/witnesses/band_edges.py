@@ -5,7 +5,7 @@ from fractions import Fraction
 from flint import arb
 
 from service.dynamics.formula.algebras.ball import ball
-from workers.solvers.closed_form.lame import equator
+from workers.solvers.stability.monodromy import equator
 
 
 def band_edges(nu: Fraction) -> tuple[arb, arb | None]:

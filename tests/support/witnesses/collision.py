@@ -17,7 +17,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.potentials.recognition.three_terms import ThreeTerms
-from workers.solvers.three_terms.intervals import MotionInterval, ThreeTermCurve, intervals, make_curve
+from workers.solvers.three_terms import MotionInterval, ThreeTermCurve, intervals, make_curve
 
 _Linear = tuple[acb, acb]
 

@@ -7,7 +7,7 @@ from flint import ctx
 
 from service.verdicts.atlases import examine_atlas
 from workers.computation.atlases import with_stability
-from workers.solvers.closed_form.lame import transverse_stability
+from workers.solvers.stability.monodromy import transverse_stability
 
 LINEAR = {
     "body": {"A": 2, "B": "3/2", "C": 1},

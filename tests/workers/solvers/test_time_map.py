@@ -5,8 +5,8 @@ import pytest
 from numpy.polynomial import chebyshev
 
 from service.dynamics.solution.dense_output import Period
-from workers.solvers.assembly import time_map as module
-from workers.solvers.assembly.time_map import TimeMap
+from workers.solvers.assembly import dense as module
+from workers.solvers.assembly.dense import TimeMap
 
 
 def powers(n: int) -> TimeMap:

@@ -19,8 +19,7 @@ from workers.computation import compute as computation
 from workers.computation.compute import solve_document
 from workers.solvers.assembly.dense import resolve_motion
 from workers.solvers.cross_check import compare
-from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.quadrature.errors import QuadratureNotConvergedError
+from workers.solvers.errors import AccuracyNotMetError, QuadratureNotConvergedError
 from workers.solvers.quadrature.time_map import make_time_map
 
 DOCUMENT = {

@@ -17,17 +17,20 @@ from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.start import StartingPoint, starting_point
 from service.dynamics.reduction.window import Arc, Window, require_known_ends
 from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
-from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
-from workers.solvers.certified.fourier_time import FourierTime, make_fourier_time
+from workers.solvers.certified.fourier_time import (
+    FourierTime,
+    ProvenStrip,
+    make_fourier_time,
+    proven_strip,
+    time_of_turn,
+)
 from workers.solvers.certified.orbit import is_the_only_one, passes_pole, start_on
-from workers.solvers.certified.phase import LibrationPhase, RotationPhase
-from workers.solvers.certified.real_loop import RealLoop
+from workers.solvers.certified.phase import LibrationPhase, RealLoop, RotationPhase
 from workers.solvers.certified.time_model import TimeModel, make_time_model
-from workers.solvers.certified.trapezoid import ProvenStrip, proven_strip, time_of_turn
 from workers.solvers.certified.way import PolarWay, way_of
 from workers.solvers.complex_plane.angular_part import AngularSeries
-from workers.solvers.complex_plane.complex_loop import ComplexLoop
-from workers.solvers.complex_plane.passage import unit_at_poles
+from workers.solvers.complex_plane.complex_loop import ComplexLoop, unit_at_poles
+from workers.solvers.errors import CertifiedUnavailableError, PrecisionNeededError
 
 FindArc = Callable[[RigidBody, Potential, PlanarMotion], Arc | None]
 """Returns the arc of a motion, whose ends may be in doubt by a few roundings; None if it does not know."""

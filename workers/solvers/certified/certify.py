@@ -19,9 +19,9 @@ from service.dynamics.problem import ClassicalMotion, PlanarMotion, StateMotion
 from service.dynamics.reduction.geometry.loop import make_loop
 from workers.solvers.assembly.families import SYMMETRIC_POLE_PASSAGE
 from workers.solvers.certified.by_integral import FindArc, motion_by_integral, periodic_window
-from workers.solvers.certified.elliptic_start import elliptic_motion
-from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
-from workers.solvers.three_terms.intervals import RootsUndecidedError
+from workers.solvers.certified.elliptic import elliptic_motion
+from workers.solvers.errors import CertifiedUnavailableError, PrecisionNeededError
+from workers.solvers.three_terms import RootsUndecidedError
 
 GUARD_BITS = 32
 SPARE_PERIOD_BITS = 5

@@ -20,20 +20,17 @@ from service.dynamics.problem import PlanarMotion, Problem, TimePeriods
 from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.sampling import exact_instants
 from service.dynamics.solution.dense_output import EPSILON, Period, chebyshev_coefficients, chebyshev_points
-from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place
-from workers.solvers.assembly.periodic import Sampled, make_periodic
-from workers.solvers.assembly.time_map import CHECKED_POINTS, UNSEEN_DEPARTURE_FACTOR, TimeMap, sum_series
+from workers.solvers.assembly.dense import BALL_CHECKED_POINTS, UNSEEN_DEPARTURE_FACTOR, TimeMap, sum_series
+from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place, Sampled, make_periodic
 from workers.solvers.certified.by_integral import IntegralMotion, way_from
 from workers.solvers.certified.certify import first_try
-from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.certified.orbit import passes_pole
 from workers.solvers.certified.time_model import PIECE_OVERLAP, TimeModel, TimePiece
 from workers.solvers.certified.way import PassagePhase, PolarWay
-from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA
-from workers.solvers.complex_plane.passage import unit_at_poles
-from workers.solvers.errors import PrecisionLostError
-from workers.solvers.orbits.graded import refine_near_poles
+from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA, unit_at_poles
+from workers.solvers.errors import CertifiedUnavailableError, PrecisionLostError, PrecisionNeededError
 from workers.solvers.orbits.near_rest import is_slow
+from workers.solvers.orbits.orbit import refine_near_poles
 
 FloatArray = NDArray[np.float64]
 
@@ -187,7 +184,7 @@ def _at_nodes(count: int) -> FloatArray:
 def _departure(phase: PolarWay, piece: TimePiece, states: FloatArray) -> float:
     """Return by how much the six variables are off where they are looked at."""
     found = []
-    for x in CHECKED_POINTS:
+    for x in BALL_CHECKED_POINTS:
         told: list[float] = np.atleast_1d(np.polynomial.chebyshev.chebval(x, states)).tolist()
         known = phase.state(piece.centre + piece.radius * (arb(x) / PIECE_OVERLAP))
         found += [float(abs(ball - arb(value)).abs_upper()) for ball, value in zip(known, told, strict=True)]

@@ -17,17 +17,20 @@ from dataclasses import dataclass, field
 from functools import lru_cache, reduce
 from itertools import pairwise
 from math import hypot, pi
+from typing import NamedTuple
 
 import numpy as np
 from flint import acb, arb, arb_poly, ctx
 from numpy.typing import NDArray
 
-from workers.solvers.certified.cover import MAX_OVERESTIMATE_RATIO, Box, bound
-from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.certified.phase import MotionPhase, PhaseStretch, TimedPhase
+from workers.solvers.errors import CertifiedUnavailableError, PrecisionNeededError
 
 FloatArray = NDArray[np.float64]
-
+MAX_OVERESTIMATE_RATIO = 2.0**30
+"""A bound this much larger than the function costs so many bits of a remainder: then it is refined."""
+BOX_OVERLAP = 1.0 + 2.0**-20
+"""Boxes are so much larger: roundings of their centres leave no gap."""
 PIECE_OVERLAP = 1.0625
 """ρ in half lengths of a piece: pieces overlap, so that a ball at an edge is inside one of them."""
 PLACE_ROUNDING = 2.0**-50
@@ -260,6 +263,14 @@ def _cut(stretch: PhaseStretch, bits: int) -> Iterator[tuple[arb, arb, arb | Non
         yield begin, stretch.last if right == last else arb(right), size, largest
 
 
+class Box(NamedTuple):
+    """The square of side 2 ``half`` about x + iy."""
+
+    x: float
+    y: float
+    half: float
+
+
 def _bound(phase: TimedPhase, left: float, right: float, size: arb) -> arb | None:
     """Return M, the bound of |dt/dθ| on the disc of 2ρ, where it is holomorphic; None if not proven."""
     centre, reach = 0.5 * (left + right), PIECE_OVERLAP * (right - left)
@@ -271,7 +282,41 @@ def _bound(phase: TimedPhase, left: float, right: float, size: arb) -> arb | Non
         return hypot(max(abs(box.x - centre) - box.half, 0.0), box.y - box.half) < 1.001 * reach
 
     smallest = MIN_BOX_SHARE_OF_RADIUS * reach
-    return bound(phase, boxes, size=size, smallest=smallest, most=MAX_BOXES, is_needed=meets_disc)
+    return _bound_on(phase, boxes, size=size, smallest=smallest, most=MAX_BOXES, is_needed=meets_disc)
+
+
+def _bound_on(
+    phase: TimedPhase,
+    boxes: list[Box],
+    *,
+    size: arb,
+    smallest: float,
+    most: int,
+    is_needed: Callable[[Box], bool],
+) -> arb | None:
+    """Return a bound of |dt/dθ| on the boxes that are needed, where it is holomorphic.
+
+    A box is halved both ways, down to ``smallest``, until its ball tells
+    something. None if that fails, or takes more than ``most`` balls; ``size`` is about the largest rate.
+    """
+    waiting = list(boxes)
+    largest = arb(0)
+    for _ in range(most):
+        while waiting and not is_needed(waiting[-1]):
+            waiting.pop()
+        if not waiting:
+            return largest
+        x, y, half = waiting.pop()
+        ball = acb(arb(x, half * BOX_OVERLAP), arb(y, half * BOX_OVERLAP))
+        value = abs(phase.rate(ball, analytic=True)).upper()
+        if value < MAX_OVERESTIMATE_RATIO * size:
+            largest = largest.max(value)
+        elif half > smallest:
+            half *= 0.5
+            waiting += [Box(x + i * half, y + j * half, half) for i in (-1, 1) for j in (-1, 1)]
+        else:
+            return None
+    return None
 
 
 def _piece(

@@ -1,7 +1,7 @@
 """The way of a motion through poles, by phases of its own next to poles, next to rest points and between.
 
 Where |g1| and V are no functions of sin v at a pole, time is a holomorphic function of the coordinate φ there
-(:mod:`workers.solvers.complex_plane.passage`) on one side and another one on the other side. About a rest
+(:class:`~.complex_loop.Passage`) on one side and another one on the other side. About a rest
 point it is one of the phase of the libration.
 """
 
@@ -17,14 +17,12 @@ from workers.solvers.certified.phase import (
     POINT_MAX_RADIUS,
     LibrationPhase,
     PhaseStretch,
+    RealLoop,
     RotationPhase,
     SmoothPhase,
     six_variables,
 )
-from workers.solvers.certified.real_loop import RealLoop
-from workers.solvers.complex_plane.complex_loop import ComplexLoop, tighter
-from workers.solvers.complex_plane.passage import Passage, drops_matter
-from workers.solvers.complex_plane.questions import VALUE
+from workers.solvers.complex_plane.complex_loop import VALUE, ComplexLoop, Passage, drops_matter, tighter
 
 POLE_DISTANCE = 0.3
 """Distance from a pole within which φ is the phase; beyond, v itself, whose balls are narrower there."""

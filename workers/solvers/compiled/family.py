@@ -18,8 +18,16 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem, StartAtEquator
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign
 from service.dynamics.reduction.window import Arc, Window
-from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place, conventions_of
-from workers.solvers.assembly.periodic import Sampled, asked_times, make_periodic
+from workers.solvers.assembly.families import (
+    NOT_MINE,
+    Declined,
+    PeriodicPlace,
+    Place,
+    Sampled,
+    asked_times,
+    conventions_of,
+    make_periodic,
+)
 from workers.solvers.errors import is_known
 from workers.solvers.ways import is_plain
 

@@ -2,7 +2,8 @@
 
 What a formula does is a list of operations that kernels go through (:mod:`workers.solvers.compiled.general`):
 nothing is compiled for a potential or a body. Four runs tell the error by their differences, and the finest
-is held against the equations, by kernels too; what these do not settle goes through :mod:`.followed`.
+is held against the equations, by kernels too; what these do not settle goes through
+:func:`.interface.followed`.
 """
 
 from collections.abc import Sequence
@@ -29,20 +30,18 @@ from workers.solvers.compiled.lanes import LANES
 from workers.solvers.compiled.records import Equations
 from workers.solvers.compiled.residual.nodes import in_lanes
 from workers.solvers.compiled.residual.residual import hold
-from workers.solvers.integration.errors import (
+from workers.solvers.errors import (
     CollisionError,
     IntegrationError,
     UndefinedStartError,
     UnsupportedFormulaError,
 )
-from workers.solvers.integration.followed import (
-    MAX_DEFECT_TOLERANCES,
-    STEP_RELATIVE_ROUNDING,
-    UNCHECKED_TIME_SHARE,
-)
 from workers.solvers.integration.interface import (
     COLLAPSED_STEP_RATIO,
     COLLISION_GRADIENT_GROWTH,
+    MAX_DEFECT_TOLERANCES,
+    STEP_RELATIVE_ROUNDING,
+    UNCHECKED_TIME_SHARE,
     Rounding,
     Run,
     Steps,

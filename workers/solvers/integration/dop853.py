@@ -16,7 +16,7 @@ from service.dynamics.equations.euler_poisson import FourOperations, rates_in
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
-from workers.solvers.integration.errors import IntegrationError, UndefinedStartError
+from workers.solvers.errors import IntegrationError, UndefinedStartError
 from workers.solvers.integration.interface import (
     Rounding,
     Run,

@@ -21,7 +21,7 @@ from service.dynamics.formula.tape import Tape
 from workers.solvers.compiled.evaluation.program import numbers_of
 from workers.solvers.compiled.general import series
 from workers.solvers.compiled.general.records import Gradient
-from workers.solvers.integration.errors import UnsupportedFormulaError
+from workers.solvers.errors import UnsupportedFormulaError
 from workers.solvers.integration.interface import Rounding
 
 _OPERATIONS: dict[str, Callable[..., float]] = {

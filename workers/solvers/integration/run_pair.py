@@ -33,9 +33,8 @@ from service.dynamics.equations.euler_poisson import euler_poisson_rhs
 from service.dynamics.equations.orientation import azimuth_rate
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, DenseOutput
-from workers.solvers.integration.errors import CollisionError, IntegrationError
-from workers.solvers.integration.followed import UNCHECKED_TIME_SHARE, followed
-from workers.solvers.integration.interface import Integrator, Run, joined
+from workers.solvers.errors import CollisionError, IntegrationError
+from workers.solvers.integration.interface import UNCHECKED_TIME_SHARE, Integrator, Run, followed, joined
 
 FloatArray = NDArray[np.float64]
 

@@ -17,9 +17,8 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Problem
 from service.dynamics.sampling import sample_times
 from service.dynamics.solution.dense_output import DenseOutput
-from workers.solvers.errors import AccuracyNotMetError
+from workers.solvers.errors import AccuracyNotMetError, IntegrationError, UnsupportedFormulaError
 from workers.solvers.evidence import COVERED, DEFECT, DRIFT, with_claim_raised
-from workers.solvers.integration.errors import IntegrationError, UnsupportedFormulaError
 from workers.solvers.integration.interface import Integrator, Steps, neighbour_of
 from workers.solvers.integration.run_pair import SHARED_RELATIVE_ROUNDING, RunPair, Span, run_pair
 from workers.solvers.ways import is_plain

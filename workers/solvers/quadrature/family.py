@@ -29,26 +29,24 @@ from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window, require_known_ends
 from service.dynamics.sampling import sample_times
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput
-from workers.solvers.assembly.dense import Sampler, resolve_motion
+from workers.solvers.assembly.dense import Sampler, TimeMap, resolve_motion
 from workers.solvers.assembly.families import (
     Declined,
     PeriodicPlace,
     Place,
+    Sampled,
     conventions_of,
     energy_of,
     evidence_of,
+    make_periodic,
 )
-from workers.solvers.assembly.periodic import Sampled, make_periodic
-from workers.solvers.assembly.time_map import TimeMap
 from workers.solvers.errors import EndNotKnownError, PrecisionLostError
 from workers.solvers.evidence import with_claim_raised
-from workers.solvers.orbits.graded import Graded, graded
 from workers.solvers.orbits.near_rest import SlowOrbit
-from workers.solvers.orbits.orbit import Libration, Rotation, starting_state
+from workers.solvers.orbits.orbit import Graded, Libration, Rotation, graded, starting_state
 from workers.solvers.quadrature.flight import Flight, Reach, asymptote, make_flight, reach
-from workers.solvers.quadrature.phase_sampler import GradedSamples, phase_sampler, series_sampler
 from workers.solvers.quadrature.squared_speed import CACHED_TIME_MAPS, time_map_of
-from workers.solvers.quadrature.time_map import make_time_map
+from workers.solvers.quadrature.time_map import GradedSamples, make_time_map, phase_sampler, series_sampler
 
 FloatArray = NDArray[np.float64]
 

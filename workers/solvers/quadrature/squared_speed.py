@@ -26,12 +26,17 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.rewriting import copied, exponential_in, with_sides
 from service.dynamics.formula.tape import Instruction, Recorder, Tape, without_unused
 from service.dynamics.potentials.potential import NoClosedFormError
-from workers.solvers.assembly.time_map import TimeMap
+from workers.solvers.assembly.dense import TimeMap
 from workers.solvers.orbits.orbit import Libration, Rotation
-from workers.solvers.quadrature.complex_radicand import complex_radicand
-from workers.solvers.quadrature.ellipse import BranchedSpeed, PhaseSpeed
 from workers.solvers.quadrature.flight import Flight
-from workers.solvers.quadrature.speeds import FlightSpeed, LibrationSpeed, RotationSpeed, Speed
+from workers.solvers.quadrature.panel import BranchedSpeed, PhaseSpeed
+from workers.solvers.quadrature.speeds import (
+    FlightSpeed,
+    LibrationSpeed,
+    RotationSpeed,
+    Speed,
+    complex_radicand,
+)
 from workers.solvers.quadrature.time_map import make_time_map
 
 KINK_MAX_WIDTH_U = 1e-15

@@ -17,10 +17,12 @@ What is not: without a formula of V (the family of integrals), or without bounds
 the decay of their series and by half of their nodes. A panel at a place of which nothing is enclosed
 is halved down to MIN_PANEL_WIDTH; then its whole length is charged as its error, and it is counted in
 the evidence.
+
+The phase and the time map together tell the six variables as a function of time.
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import isfinite
 
@@ -29,15 +31,33 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.bounds import largest
-from service.dynamics.solution.dense_output import Period, chebyshev_points
-from workers.solvers.assembly.time_map import TimeMap
-from workers.solvers.errors import PrecisionLostError
-from workers.solvers.quadrature.ellipse import PANEL_DEGREE, BranchedSpeed, PhaseSpeed, find_ellipse
-from workers.solvers.quadrature.errors import QuadratureNotConvergedError, WindowBlockedError
-from workers.solvers.quadrature.panel import Panel, make_panel
+from service.dynamics.solution.dense_output import (
+    Period,
+    chebyshev_coefficients,
+    chebyshev_points,
+    phase_error,
+    split_time,
+)
+from workers.solvers.assembly.dense import (
+    BALL_CHECKED_POINTS,
+    UNSEEN_DEPARTURE_FACTOR,
+    VARIABLE_RELATIVE_ROUNDING,
+    Sampler,
+    TimeMap,
+    sum_series,
+)
+from workers.solvers.errors import PrecisionLostError, QuadratureNotConvergedError, WindowBlockedError
+from workers.solvers.orbits.orbit import Graded, Orbit, refine_near_poles
+from workers.solvers.quadrature.panel import (
+    PANEL_DEGREE,
+    BranchedSpeed,
+    Panel,
+    PhaseSpeed,
+    find_ellipse,
+    make_panel,
+)
 
 FloatArray = NDArray[np.float64]
-
 RESOLVED_RELATIVE_TAIL = 4e-16
 """Largest tail of a resolved panel's series against its largest term: the rounding of doubles."""
 RESOLVED_RELATIVE_CHANGE = 3e-13
@@ -54,6 +74,8 @@ MIN_PANEL_WIDTH = 1e-15
 SHORT_PANEL_WIDTH = 1e-3
 """Panels shorter than this may be near a place where the rate is not analytic: it is enclosed as a whole."""
 MAX_PANELS = 4000
+KNOWN_BITS, KNOWN = 54, 2.0**-54
+"""Least relative accuracy of a variable's ball, or largest radius: either will do."""
 
 
 def make_time_map(
@@ -200,3 +222,93 @@ def _error(panel: Panel, is_proof_wanted: bool) -> float:
         return float(panel.length)
     is_resolved = panel.relative_tail <= RESOLVED_RELATIVE_TAIL and panel.change <= RESOLVED_RELATIVE_CHANGE
     return panel.tail * ALIASED_SHARE_OF_TAIL if is_resolved else panel.tail
+
+
+@dataclass(frozen=True, slots=True)
+class GradedSamples:
+    """See :class:`workers.solvers.assembly.families.SamplesItself`: a motion through poles, at its own times.
+
+    Next to a pole r is a power of time that may be far below the first: pieces claim there, and so
+    everywhere, what the rounding of a time does to it. Each time that is asked for has the error that it has
+    where it is.
+    """
+
+    on_period: Sampler
+    """The six variables at times in [0, period]."""
+    passages: FloatArray
+    """Times in [0, period) at which a pole is passed."""
+    period: Period
+    time_error: float
+    departures: Callable[[FloatArray], FloatArray]
+    """Error of a sample at its own phase, of shape (n,)."""
+
+    def resolved(self, pieces: int, atol: float) -> None:
+        """Leave the function of time to :func:`workers.solvers.assembly.dense.resolve_motion`."""
+
+    def sample(self, times: FloatArray, low_parts: FloatArray | None = None) -> FloatArray:
+        """Return p, q, r, g1, g2, g3, shape (n, 6)."""
+        return self.on_period(split_time(times, self.period, low_parts)[0])
+
+    def error_at(self, times: FloatArray) -> float:
+        """Return twice what the error of times does at these, where variables are monotone beside a pole."""
+        late = phase_error(times, self.period) + self.time_error
+        local = split_time(times, self.period)[0]
+        here = self.on_period(local)
+        moved = [np.abs(self.on_period((local + by) % self.period.hi) - here) for by in (-late, late)]
+        away = np.abs(local[:, None] - self.passages)
+        beside = np.minimum(away, self.period.hi - away) <= late
+        at_poles = np.abs(self.on_period(self.passages) - here[:, None]) * beside[:, :, None]
+        rounding = VARIABLE_RELATIVE_ROUNDING * np.abs(here).max(initial=0.0)
+        worst = largest(float(each.max(initial=0.0)) for each in (*moved, at_poles))
+        departures = (self.departures((local + by) % self.period.hi) for by in (-late, late))
+        return 2.0 * worst + largest(float(each.max(initial=0.0)) for each in departures) + float(rounding)
+
+
+def phase_sampler(orbit: Orbit, time_map: TimeMap) -> Sampler:
+    """Return the six variables as a function of the time map's own times, from 0 to its total.
+
+    It raises PrecisionLostError where the balls of a state are wider than the rounding of doubles.
+    """
+
+    def sample(times: FloatArray) -> FloatArray:
+        panels, places = time_map.phase_at(times)
+        return _states(orbit, time_map, zip(panels.tolist(), places.tolist(), strict=True))
+
+    return sample
+
+
+def series_sampler(orbit: Graded, time_map: TimeMap) -> tuple[Sampler, FloatArray]:
+    """Return the same by series in the phase, in which everything is smooth on each panel; and their errors.
+
+    A state costs a hundred times less. Next to a pole what is small is told relative to itself. The errors,
+    one of each panel, are UNSEEN_DEPARTURE_FACTOR times the largest departure between the nodes.
+    PrecisionLostError is raised at once.
+    """
+    panels, nodes = range(len(time_map.times) - 1), chebyshev_points(PANEL_DEGREE)
+    series, departures = [], list[float]()
+    for panel in panels:
+        states = _states(orbit, time_map, [(panel, x) for x in (*nodes.tolist(), *BALL_CHECKED_POINTS)])
+        series.append(chebyshev_coefficients(states[: len(nodes)]))
+        told = np.polynomial.chebyshev.chebval(np.array(BALL_CHECKED_POINTS), series[-1]).T
+        departures.append(float(np.abs(told - states[len(nodes) :]).max()))
+    columns: FloatArray = np.stack(series, axis=2)
+
+    def sample(times: FloatArray) -> FloatArray:
+        panels, x = time_map.phase_at(times)
+        left, right = time_map.edges[panels], time_map.edges[panels + 1]
+        states = np.ascontiguousarray(sum_series(columns, panels, x).T)
+        sines = orbit.sines(np.where(x < 0.0, left, right) + 0.5 * (right - left) * (x - np.copysign(1.0, x)))
+        refine_near_poles(orbit.orbit.loop, states, sines)
+        return states
+
+    return sample, UNSEEN_DEPARTURE_FACTOR * np.array(departures)
+
+
+def _states(orbit: Orbit, time_map: TimeMap, places: Iterable[tuple[int, float]]) -> FloatArray:
+    rows = []
+    for panel, x in places:
+        state = orbit.state(time_map.theta(panel, x))
+        rows.append([float(value) for value in state])
+        if any(value.rel_accuracy_bits() < KNOWN_BITS and not value.rad() < KNOWN for value in state):
+            raise PrecisionLostError("the variables are known to fewer digits than a double has")
+    return np.array(rows)

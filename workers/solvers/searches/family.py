@@ -30,8 +30,8 @@ from service.dynamics.reduction.geometry.point import (
     rates_of,
     speed_factor,
 )
-from workers.solvers.certified.errors import PrecisionNeededError
 from workers.solvers.complex_plane.complex_loop import MAX_WHOLE_ALPHA, geometric, tighter
+from workers.solvers.errors import PrecisionNeededError
 
 Slot = Fraction | int
 """A number that is given, or the place of the unknown that it is."""

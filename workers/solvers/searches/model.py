@@ -21,7 +21,7 @@ from flint import acb, arb
 
 from service.dynamics.formula.algebras.ball import ball
 from workers.solvers.certified.by_integral import IntegralMotion
-from workers.solvers.certified.errors import PrecisionNeededError
+from workers.solvers.errors import PrecisionNeededError
 from workers.solvers.searches.family import (
     FamilyCurve,
     ProblemFamily,

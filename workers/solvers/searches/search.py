@@ -23,8 +23,8 @@ from service.dynamics.reduction.window import Window as ReducedWindow
 from service.dynamics.reduction.windows import NoMotionError, find_windows
 from service.dynamics.solution.ball_columns import exact_middle
 from workers.solvers.certified.by_integral import IntegralMotion, integral_motion
-from workers.solvers.certified.errors import PrecisionNeededError
 from workers.solvers.certified.orbit import passes_pole
+from workers.solvers.errors import PrecisionNeededError
 from workers.solvers.searches.family import ProblemFamily
 from workers.solvers.searches.model import (
     COARSE_BITS,

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.interval_bounds import outwards
 from service.dynamics.formula.algebras.intervals import Interval, IntervalAlgebra
-from workers.solvers.certified.errors import PrecisionNeededError
+from workers.solvers.errors import PrecisionNeededError
 from workers.solvers.searches.family import ALGEBRA, FamilyCurve, ProblemFamily
 
 FloatArray = NDArray[np.float64]

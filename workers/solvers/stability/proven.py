@@ -33,7 +33,6 @@ from service.dynamics.motion import Estimate
 from service.dynamics.problem import Problem
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, Period
 from workers.solvers.certified.certify import Certified
-from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.certified.validated.enclose import (
     ProvenTrajectory,
     Start,
@@ -45,6 +44,7 @@ from workers.solvers.certified.validated.step import ROUND_UP, SUM_ROUNDING, upp
 from workers.solvers.certified.validated.system import EulerPoisson, Recorded, record
 from workers.solvers.classical.curve import Curve
 from workers.solvers.classical.solve import place_motion
+from workers.solvers.errors import CertifiedUnavailableError
 from workers.solvers.stability.assessment import MAX_PERIODS, Proof, Stability, of_trace, trusted_time
 from workers.solvers.stability.monodromy import StabilityUndefinedError
 

@@ -28,7 +28,7 @@ from service.dynamics.problem import PlanarMotion
 from tests.support.heyoka_integrator import HeyokaIntegrator
 from tests.support.planar import body, planar
 from tests.support.solving import solve_planar
-from workers.solvers.integration.errors import UnsupportedFormulaError
+from workers.solvers.errors import UnsupportedFormulaError
 
 ODD_G = "-3*(6/10 - g2^2) + 3/10*g2"
 BODIES = [body("17/10", 1, "7/5"), body(3, 1, "5/2"), body("3/5", 1, "9/10"), body("13/5", 2, "29/10")]

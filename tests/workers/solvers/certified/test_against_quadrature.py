@@ -6,8 +6,8 @@ from hypothesis import assume, given, settings
 
 from tests.support.admissible import Case, cases, with_periodic_window
 from tests.support.effort import examples
-from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.choose import enclose
+from workers.solvers.errors import CertifiedUnavailableError
 
 
 @given(cases())

@@ -12,9 +12,9 @@ from service.dynamics.reduction.geometry.loop import make_loop
 from tests.support.effort import seldom
 from tests.support.planar import body
 from tests.support.witnesses.general_motion import GeneralMotion
-from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.choose import enclose
 from workers.solvers.complex_plane.angular_part import AngularSeries
+from workers.solvers.errors import CertifiedUnavailableError
 
 DIGITS, BITS = 26, 73
 FUNCTIONS = {

@@ -12,8 +12,7 @@ from tests.support.effort import each_once
 from tests.support.planar import body, formula
 from workers.solvers.certified.by_integral import IntegralMotion, integral_motion, periodic_window
 from workers.solvers.certified.way import way_of
-from workers.solvers.complex_plane.complex_loop import ComplexLoop
-from workers.solvers.complex_plane.passage import Passage, unit_at_poles
+from workers.solvers.complex_plane.complex_loop import ComplexLoop, Passage, unit_at_poles
 
 
 def passage(A: str, text: str, pole: int, way: int, unit: int) -> Passage:

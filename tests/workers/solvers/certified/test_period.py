@@ -18,13 +18,12 @@ from tests.support.effort import examples, seldom
 from tests.support.planar import body, formula
 from tests.workers.solvers.certified.cases import SEPARATRIX, is_inside, three_terms
 from workers.solvers.certified.by_integral import integral_motion, motion_by_integral, periodic_window
-from workers.solvers.certified.errors import CertifiedUnavailableError, PrecisionNeededError
-from workers.solvers.certified.fourier_time import FourierTime
+from workers.solvers.certified.fourier_time import FourierTime, proven_strip, time_of_turn
 from workers.solvers.certified.orbit import is_the_only_one, start_on
 from workers.solvers.certified.time_model import make_time_model
-from workers.solvers.certified.trapezoid import proven_strip, time_of_turn
 from workers.solvers.choose import enclose
 from workers.solvers.compiled.family import arc_in_doubles
+from workers.solvers.errors import CertifiedUnavailableError, PrecisionNeededError
 
 NOT_EVEN = "(A*g1^2 + C*g3^2)*(g2^2 - 1/2 + g2^3/5)"
 ON_4_5 = PlanarMotion(Fraction(4, 5))

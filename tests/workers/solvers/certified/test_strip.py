@@ -9,8 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.support.effort import examples
-from workers.solvers.certified.strips.algebra import Strip
-from workers.solvers.certified.strips.series import Series
+from workers.solvers.certified.strip_functions import Series, Strip
 
 HEIGHT = 0.5
 KINDS = pytest.mark.parametrize("is_even", [True, False])

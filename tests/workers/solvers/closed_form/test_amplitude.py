@@ -2,7 +2,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from workers.solvers.closed_form.family import make_amplitude
+from workers.solvers.closed_form import make_amplitude
 
 
 def quotient(a, b, theta):

@@ -7,7 +7,7 @@ from scipy.integrate import quad
 from service.dynamics.potentials.recognition.three_terms import ThreeTerms
 from tests.support.planar import body
 from tests.support.witnesses.collision import NoCollisionError, collision_time
-from workers.solvers.three_terms.intervals import RootsUndecidedError, intervals, make_curve
+from workers.solvers.three_terms import RootsUndecidedError, intervals, make_curve
 
 
 def three(a1, b1=0, c1=0) -> ThreeTerms:

@@ -6,7 +6,7 @@ from flint import arb, ctx
 from scipy.integrate import solve_ivp
 
 from tests.support.witnesses.band_edges import band_edges
-from workers.solvers.closed_form.lame import equator, transverse_stability
+from workers.solvers.stability.monodromy import equator, transverse_stability
 
 MOMENTS = ("0.6", "1", "1.5", "2", "2.5", "3", "4")
 TRACES = {

@@ -15,9 +15,8 @@ from tests.support.effort import examples
 from tests.support.planar import body, planar
 from tests.support.solving import solve_planar
 from tests.workers.solvers.closed_form.test_motion import solve
-from workers.solvers.closed_form.family import make_closed_form
-from workers.solvers.three_terms.intervals import RootsUndecidedError, intervals, make_curve
-from workers.solvers.three_terms.variables import MirrorImage, trip_time
+from workers.solvers.closed_form import make_closed_form
+from workers.solvers.three_terms import MirrorImage, RootsUndecidedError, intervals, make_curve, trip_time
 
 coefficients = st.fractions(-3, 3, max_denominator=20)
 repulsions = st.one_of(st.just(Fraction(0)), st.fractions(Fraction(1, 100), 1, max_denominator=100))

@@ -17,9 +17,8 @@ from tests.support.golden import GOLDEN
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar
 from tests.workers.solvers.closed_form.reference import Reference, spread
-from workers.solvers.closed_form.family import make_closed_form, solve_closed_form
-from workers.solvers.three_terms.intervals import intervals, make_curve
-from workers.solvers.three_terms.variables import MirrorImage, trip_time
+from workers.solvers.closed_form import make_closed_form, solve_closed_form
+from workers.solvers.three_terms import MirrorImage, intervals, make_curve, trip_time
 
 GOLDEN_RATIO = Fraction("1.61803398874989484820458683436563811772030917980576286213544862270526046281890")
 """(1 + √5)/2 to 77 digits: half of it is the c1 of a separatrix at nu = 1, a1 = -1."""

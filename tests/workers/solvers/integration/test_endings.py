@@ -12,13 +12,13 @@ from service.dynamics.potentials.families.expression import expression_potential
 from service.dynamics.potentials.families.gravity import gravity_potential
 from tests.support.heyoka_integrator import HEYOKA
 from tests.workers.solvers.integration.cases import BODY, NAMES, planar_state
-from workers.solvers.errors import AccuracyNotMetError
-from workers.solvers.integration import solve
-from workers.solvers.integration.errors import (
+from workers.solvers.errors import (
+    AccuracyNotMetError,
     CollisionError,
     StepCollapseError,
     UnsupportedFormulaError,
 )
+from workers.solvers.integration import solve
 from workers.solvers.integration.solve import choose_integrator, integrate_state
 
 X1 = 2.0 / (1.0 + np.sqrt(5.0))

@@ -15,8 +15,8 @@ from tests.support.effort import each_once
 from tests.support.heyoka_integrator import HEYOKA
 from tests.support.planar import body, formula
 from workers.solvers.choose import planar_start
-from workers.solvers.integration.errors import StepCollapseError
-from workers.solvers.integration.followed import followed
+from workers.solvers.errors import StepCollapseError
+from workers.solvers.integration.interface import followed
 from workers.solvers.integration.solve import choose_integrator, integrate_state
 
 BODY = body(2, 1, "3/2")

@@ -21,8 +21,8 @@ from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula, planar
 from workers.solvers.choose import find_motion
+from workers.solvers.errors import WindowBlockedError
 from workers.solvers.orbits.orbit import Rotation, make_orbit
-from workers.solvers.quadrature.errors import WindowBlockedError
 from workers.solvers.quadrature.squared_speed import time_map_of
 
 Function = Callable[[acb], acb]

@@ -15,8 +15,7 @@ from service.dynamics.reduction.windows import choose_window, find_windows
 from service.dynamics.solution.dense_output import EPSILON
 from tests.support.planar import body, formula
 from workers.solvers.orbits.orbit import make_orbit
-from workers.solvers.quadrature.ellipse import PANEL_DEGREE, Ellipse
-from workers.solvers.quadrature.panel import make_panel
+from workers.solvers.quadrature.panel import PANEL_DEGREE, Ellipse, make_panel
 from workers.solvers.quadrature.squared_speed import phase_speed
 from workers.solvers.quadrature.time_map import make_time_map
 

@@ -11,9 +11,9 @@ from service.schemas.study.reading import read_search
 from service.storage.codecs.packing import decode_document
 from workers.computation.studies import family_of, study_document
 from workers.solvers.certified.certify import certify
-from workers.solvers.closed_form.lame import transverse_stability
 from workers.solvers.searches.search import FamilySearch, Target, _Search
 from workers.solvers.searches.structure import stretches
+from workers.solvers.stability.monodromy import transverse_stability
 
 HEAVY = {"type": "expression", "expression": "a*g1", "parameters": {"a": -1}}
 ROUND = {"body": {"A": 2, "C": 1}, "potential": HEAVY, "motion": {"type": "planar", "lambda": 1}}

@@ -7,9 +7,8 @@ from flint import ctx
 from service.dynamics.errors import MissingMomentError
 from service.dynamics.solution.dense_output import Period
 from tests.workers.solvers.stability.cases import Case, bobylev_steklov, case, lambda_, nu
-from workers.solvers.errors import PrecisionLostError
+from workers.solvers.errors import PrecisionLostError, QuadratureNotConvergedError
 from workers.solvers.orbits.orbit import make_orbit
-from workers.solvers.quadrature.errors import QuadratureNotConvergedError
 from workers.solvers.stability import monodromy as turns
 from workers.solvers.stability.assessment import (
     MAX_PERIODS,

@@ -22,7 +22,7 @@ from tests.support.random_states import unit_vector
 from tests.workers.solvers.stability.test_lame import MOMENTS, TRACES
 from workers.computation.compute import solve_document
 from workers.solvers.choose import enclose
-from workers.solvers.closed_form.lame import transverse_stability
+from workers.solvers.stability.monodromy import transverse_stability
 from workers.solvers.stability.proven import proven_time, proven_turn, weights_of_powers
 
 CERTIFIED = {"tier": "certified"}

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.solution.ball_columns import exact_middle
 from workers.solvers.certified.certify import ALLOWED_BITS, HIGHEST_PRECISION, is_narrow
-from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.certified.validated.curves import StepTooLongError
 from workers.solvers.certified.validated.step import (
     ROUND_UP,
@@ -33,6 +32,7 @@ from workers.solvers.certified.validated.step import (
     upper,
 )
 from workers.solvers.certified.validated.system import Recorded, System, record
+from workers.solvers.errors import CertifiedUnavailableError
 
 FloatArray = NDArray[np.float64]
 Start = Callable[[], Sequence[arb]]

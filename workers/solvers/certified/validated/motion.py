@@ -24,7 +24,6 @@ from service.dynamics.problem import Problem, TimePeriods
 from service.dynamics.sampling import exact_instants, sample_times
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, DenseOutput
 from workers.solvers.certified.certify import Certified
-from workers.solvers.certified.errors import CertifiedUnavailableError
 from workers.solvers.certified.validated.enclose import (
     Enclosure,
     ProvenStretch,
@@ -35,6 +34,7 @@ from workers.solvers.certified.validated.enclose import (
 )
 from workers.solvers.certified.validated.step import ROUND_UP, upper
 from workers.solvers.certified.validated.system import EulerPoisson, TurningBody
+from workers.solvers.errors import CertifiedUnavailableError
 
 FloatArray = NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from workers.solvers.compiled.rational.roots import (
 )
 from workers.solvers.compiled.records import ARC, Loop, Records, Start, new_records
 from workers.solvers.compiled.windows.arcs import REST, choose_start
-from workers.solvers.three_terms.intervals import RootsUndecidedError
+from workers.solvers.three_terms import RootsUndecidedError
 
 Orbit = tuple[Records, Period]
 """A loop with an orbit on it and its start, and the period."""

@@ -9,7 +9,7 @@ x1 being the equator, x2 = −1/x1. The distances between its zeros are rounded 
 doubles after they are formed, so next to a separatrix they keep all their digits.
 With L1 > 0 and L2 > 0 linear and vanishing at the zeros next to lo ≤ x ≤ hi,
 x = lo cos²φ + hi sin²φ, tan φ = √(L1(lo)/L1(hi)) tan χ and χ an amplitude of the
-uniform ψ (:mod:`workers.solvers.closed_form.family`), the period of x is
+uniform ψ (:mod:`workers.solvers.closed_form`), the period of x is
 
 .. math:: T = \frac{2\pi}{M}\,\Bigl\langle \sqrt{L_1 L_2/k}\Bigr\rangle_\psi,
           \quad k = \dot x^2/((x-lo)(hi-x)),
@@ -31,7 +31,7 @@ from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.potentials.terms.laurent import Laurent, laurent
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.solution.dense_output import EPSILON, Period
-from workers.solvers.three_terms.intervals import RootsUndecidedError, positive_stretches
+from workers.solvers.three_terms import RootsUndecidedError, positive_stretches
 
 PRECISIONS = (192, 512, 2048)
 GAP_BITS = 64

@@ -41,13 +41,20 @@ from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.start import StartingPoint
 from service.dynamics.reduction.window import Window
 from service.dynamics.solution.dense_output import EPSILON, Period, reduce_time
-from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place
-from workers.solvers.assembly.periodic import Sampled, make_periodic
-from workers.solvers.three_terms.intervals import MotionInterval, RootsUndecidedError, intervals, make_curve
-from workers.solvers.three_terms.variables import MirrorImage, Variables, moduli, phase_at, primed_nu
+from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place, Sampled, make_periodic
+from workers.solvers.three_terms import (
+    MirrorImage,
+    MotionInterval,
+    RootsUndecidedError,
+    Variables,
+    intervals,
+    make_curve,
+    moduli,
+    phase_at,
+    primed_nu,
+)
 
 FloatArray = NDArray[np.float64]
-
 MAX_STEPS = 16
 """The mean of 1 and 1e-300 takes 14; equality of the last digit is not reached reliably."""
 

@@ -1,1 +1,0 @@
-"""Potentials of three terms: intervals, mirror images and phases of their motions."""
