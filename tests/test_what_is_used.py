@@ -26,7 +26,7 @@ CALLED_FROM_OUTSIDE = {
     "service.storage.tables.base.Word.process_bind_param": "SQLAlchemy calls it",
     "workers.process.dask_worker.": "Dask's workers and its scheduler load it, and call the plugin",
     "workers.cli.sweep._RateColumn.render": "rich draws it",
-    "workers.solvers.compiled.linking.": "numba calls the methods of a library and of a dispatcher",
+    "workers.solvers.compiled.kernels.": "numba calls the methods of a library and of a dispatcher",
 }
 """What names do not lead to, or what begins so, and who calls it. All else that only tests refer to belongs
 into tests/support/witnesses."""

@@ -16,9 +16,8 @@ from service.dynamics.problem import PlanarMotion, StartAtRest
 from tests.support.planar import body, formula
 from workers.solvers.certified.certify import Certified
 from workers.solvers.choose import enclose
-from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.motion import SpectralMotion
-from workers.solvers.compiled.solve import solve_spectral
+from workers.solvers.compiled.solve import Tier, solve_spectral
 
 FloatArray = NDArray[np.float64]
 REFERENCE_BITS = 96

@@ -23,7 +23,7 @@ from tests.benchmarks.motions import SAMPLES, FloatArray, Measured, elliptic, ta
 from tests.benchmarks.report import PICTURE, REPORT
 from tests.benchmarks.whole.jobs import job_of
 from workers.calibration.reference import samples_of
-from workers.solvers.compiled.batch import TOLERANCES
+from workers.solvers.compiled.solve import TOLERANCES
 
 RTOLS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)
 TOLS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14, 1e-16)

@@ -179,7 +179,7 @@ def unknown(of_each: object, samples: np.ndarray, *shape: int) -> np.ndarray:
 
 @contextmanager
 def without_twice_the_digits() -> Iterator[None]:
-    compiled, kept = "workers.solvers.compiled.integrals.of_many", "workers.sweeping.planar.outputs"
+    compiled, kept = "workers.solvers.compiled.integrals", "workers.sweeping.planar.outputs"
 
     def further(integrals: object, samples: np.ndarray) -> np.ndarray:
         return unknown(integrals, samples, 2)

@@ -147,7 +147,7 @@ def _keep(kernel: Any) -> None:  # noqa: ANN401
 
 
 class KernelCode:
-    """The code of one kernel, for all types of its arguments: where :mod:`.compiled.linking` keeps it."""
+    """The code of one kernel, for all types of its arguments: where :mod:`.compiled.kernels` keeps it."""
 
     def __init__(self, function: Any) -> None:  # noqa: ANN401
         self._function = function

@@ -54,7 +54,7 @@ def residual_evidence(
     residual = None
     if is_planar and not is_plain():
         # The compiler is loaded only where it is needed.
-        from workers.solvers.compiled.residual.evidence import kept_claim  # noqa: PLC0415
+        from workers.solvers.compiled.residual.residual import kept_claim  # noqa: PLC0415
 
         residual = kept_claim(body, potential, dense, dense.error, energy)
         if residual is None and dense.coefficients.shape[1] > 1 and len(dense.breaks) <= MAX_PIECES_CUT:
@@ -98,7 +98,7 @@ def with_samples_raised(body: RigidBody, potential: Potential, motion: Motion) -
     if not isfinite(motion.error):
         return motion
     if not is_plain():
-        from workers.solvers.compiled.residual.evidence import samples_keep_claim  # noqa: PLC0415
+        from workers.solvers.compiled.residual.residual import samples_keep_claim  # noqa: PLC0415
 
         if samples_keep_claim(body, potential, motion.samples, motion.error, motion.energy):
             return motion
@@ -151,7 +151,7 @@ def further_drift(integral: FurtherIntegral, samples: FloatArray) -> tuple[float
     if is_plain():
         return integral_drift(integral, samples)
     # The compiler is loaded only where it is needed.
-    from workers.solvers.compiled.integrals.of_many import further_drifts_of_many  # noqa: PLC0415
+    from workers.solvers.compiled.integrals import further_drifts_of_many  # noqa: PLC0415
 
     ((value, drift),) = further_drifts_of_many({0: integral}, samples[None])
     return integral_drift(integral, samples) if np.isnan(drift) else (float(value), float(drift))
@@ -161,7 +161,7 @@ def _potential_energies(potential: Potential, samples: FloatArray) -> FloatArray
     """Return V from balls, or what they round to: large terms that cancel are no drift of the motion."""
     found = np.full(len(samples), np.nan)
     if not is_plain():
-        from workers.solvers.compiled.integrals.of_many import energies_at  # noqa: PLC0415
+        from workers.solvers.compiled.integrals import energies_at  # noqa: PLC0415
 
         found = energies_at(potential, samples)
     left = np.flatnonzero(np.isnan(found))

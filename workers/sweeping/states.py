@@ -30,8 +30,8 @@ from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.sweep import Sweep
 from workers.solvers.choose import QUICK_SPEED
-from workers.solvers.compiled.general.records import Models
 from workers.solvers.compiled.general.run_pair import COLLIDED, INACCURATE, VERIFIED
+from workers.solvers.compiled.records import Models
 from workers.solvers.errors import AccuracyNotMetError, CollisionError, UnsupportedFormulaError
 from workers.solvers.integration.compiled import CompiledIntegrator, integrator_of, models_of, verified_runs
 from workers.solvers.integration.interface import neighbour_of, rounded_moments

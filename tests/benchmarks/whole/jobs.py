@@ -22,7 +22,7 @@ from tests.support.heyoka_integrator import HeyokaAlgebra
 from tests.support.planar import body, formula
 from workers.calibration.reference import samples_of
 from workers.computation.compute import solve_document
-from workers.solvers.compiled.batch import TOLERANCES, Tier
+from workers.solvers.compiled.solve import TOLERANCES, Tier
 
 PERIODS = 10
 GENERAL = body("17/10", 1, "13/10")

@@ -50,7 +50,7 @@ RATES = st.integers(-3000, 3000).map(lambda thousandths: thousandths / 1000)
 
 NUMBERS = st.fractions(min_value=-9, max_value=9, max_denominator=9)
 EXACT: FourOperations[Fraction] = FourOperations(operator.add, operator.sub, operator.mul, operator.truediv)
-OWN_EQUATIONS = {"workers/solvers/compiled/general/series.py": "its sums of products share what they read"}
+OWN_EQUATIONS = {"workers/solvers/compiled/general/steps.py": "its sums of products share what they read"}
 """Other modules that write the six rates, and why they do."""
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.solution.dense_output import DenseOutput
-from workers.solvers.compiled.blocks import BLOCK, SPLIT, STRIDE, sort_by_interval
 from workers.solvers.compiled.kernels import kernel
+from workers.solvers.compiled.workspace import BLOCK, SPLIT, STRIDE, sort_by_interval
 
 FloatArray = NDArray[np.float64]
 

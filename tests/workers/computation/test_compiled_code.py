@@ -34,7 +34,7 @@ from workers.computation.compiled_code import (
 from workers.computation.compute import solve_document
 from workers.process.tasks import PRELOAD
 from workers.solvers import compiled
-from workers.solvers.compiled.linking import Kernel
+from workers.solvers.compiled.kernels import Kernel
 from workers.solvers.errors import AccuracyNotMetError
 from workers.sweeping.chunk import compute_chunk
 
@@ -50,7 +50,7 @@ PROBLEM = {
 CALLING = """
 import sys
 from workers.computation import compiled_code
-from workers.solvers.compiled.linking import Kernel
+from workers.solvers.compiled.kernels import Kernel
 from workers.solvers.ways import NotReadyError
 when, may_compile = sys.argv[1:]
 if may_compile == "yes":

@@ -1,6 +1,7 @@
 """The workspace of a solver: places of the loop, times and discs that are gone through together.
 
-They lie in records that Python has made once (:mod:`compiled.records` says why).
+They lie in records that Python has made once (:mod:`compiled.records` says why). Times are sorted by the
+panel they are in, so that a kernel works on many at once.
 """
 
 import threading
@@ -8,16 +9,61 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.blocks import STRIDE
+from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import ARC, CUT, MAX_ARCS, MAX_PANELS, Records, new_records, rows
 
 FloatArray = NDArray[np.float64]
-
+IntArray = NDArray[np.int64]
+UnsignedArray = NDArray[np.uint64]
+BLOCK = 1024
+"""Times that are worked on together."""
+STRIDE = BLOCK + 8
+"""Between rows of a workspace in one dimension. Rows at a distance that the compiler knows cannot overlap,
+else it would go through them one by one; at a power of two they would all be in the same lines of the
+cache."""
 POINTS = 80
 """Places that are gone through together while a motion is solved."""
 LANES = 32
 """Discs that are worked on together. Plain arithmetic goes through all of them, also those that nobody asks
 for: the compiler then knows how many there are."""
+_OF_THREAD = threading.local()
+
+
+@inlined
+def two_sum(a: float, b: float) -> tuple[float, float]:
+    """Return a + b rounded, and what that leaves out (Knuth)."""
+    total = a + b
+    part = total - a
+    return total, (a - (total - part)) + (b - part)
+
+
+@kernel
+def sort_by_interval(
+    starts: FloatArray, local: FloatArray, home: IntArray, begins: UnsignedArray, order: IntArray
+) -> None:
+    """Fill in where each interval's times begin, and the times' numbers in that order.
+
+    The intervals begin at ``starts``; what is before all of them belongs to the first.
+    """
+    number = len(starts)
+    begins[:] = 0
+    for k in range(len(local)):
+        # Bisection for the last one that has begun.
+        low, width = 0, number
+        while width > 1:
+            half = width // 2
+            low += half if starts[low + half] <= local[k] else 0
+            width -= half
+        home[k] = low
+        begins[low + 1] += 1
+    for n in range(number):
+        begins[n + 1] += begins[n]
+    for k in range(len(local)):
+        order[begins[home[k]]] = k
+        begins[home[k]] += 1
+    for n in range(number, 0, -1):
+        begins[n] = begins[n - 1]
+    begins[0] = 0
 
 
 class Places:
@@ -119,8 +165,6 @@ WORKSPACE = np.dtype(
     ),
     align=True,
 )
-
-_OF_THREAD = threading.local()
 
 
 def own_workspace() -> Records:

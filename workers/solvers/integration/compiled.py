@@ -21,13 +21,20 @@ from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF
 from workers.solvers.compiled.evaluation.program import Program, make_program, numbers_of
 from workers.solvers.compiled.general.many import solve_pair, solve_pairs
-from workers.solvers.compiled.general.records import Asked, Gradient, Models
 from workers.solvers.compiled.general.run_pair import COLLIDED, NUMBERS, OPEN, VERIFIED
 from workers.solvers.compiled.general.sampling import TIMES_TOGETHER, values_at
-from workers.solvers.compiled.general.series import ORDER, STATE
-from workers.solvers.compiled.general.steps import ARRIVED, STEP_SHARE, TIRED, new_pieces, seen, take_steps
+from workers.solvers.compiled.general.steps import (
+    ARRIVED,
+    ORDER,
+    STATE,
+    STEP_SHARE,
+    TIRED,
+    new_pieces,
+    seen,
+    take_steps,
+)
 from workers.solvers.compiled.lanes import LANES
-from workers.solvers.compiled.records import Equations
+from workers.solvers.compiled.records import Asked, Equations, Gradient, Models
 from workers.solvers.compiled.residual.nodes import in_lanes
 from workers.solvers.compiled.residual.residual import hold
 from workers.solvers.errors import (

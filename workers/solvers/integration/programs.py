@@ -19,8 +19,8 @@ from service.dynamics.formula.algebras.scalar import FUNCTIONS
 from service.dynamics.formula.derived import Exact
 from service.dynamics.formula.tape import Tape
 from workers.solvers.compiled.evaluation.program import numbers_of
-from workers.solvers.compiled.general import series
-from workers.solvers.compiled.general.records import Gradient
+from workers.solvers.compiled.general import steps
+from workers.solvers.compiled.records import Gradient
 from workers.solvers.errors import UnsupportedFormulaError
 from workers.solvers.integration.interface import Rounding
 
@@ -34,14 +34,14 @@ _OPERATIONS: dict[str, Callable[..., float]] = {
     **FUNCTIONS,
 }
 _SERIES = {
-    "add": series.ADD,
-    "subtract": series.SUBTRACT,
-    "multiply": series.MULTIPLY,
-    "divide": series.DIVIDE,
-    "negate": series.NEGATE,
-    "power": series.POWER,
-    "exp": series.EXP,
-    "log": series.LOG,
+    "add": steps.ADD,
+    "subtract": steps.SUBTRACT,
+    "multiply": steps.MULTIPLY,
+    "divide": steps.DIVIDE,
+    "negate": steps.NEGATE,
+    "power": steps.POWER,
+    "exp": steps.EXP,
+    "log": steps.LOG,
 }
 _VARIABLES = 3
 _NONE = -1  # the second operand that an operation of one argument lacks
@@ -211,12 +211,12 @@ def shared_gradient(tape: Tape, rounding: Rounding) -> SharedGradient:
     """
     line = Line(tape)
     constants = line.constants(numbers_of(tape), rounding)
-    first = series.STATE + len(constants)
-    registers = list(range(series.STATE - _VARIABLES, series.STATE))
+    first = steps.STATE + len(constants)
+    registers = list(range(steps.STATE - _VARIABLES, steps.STATE))
     code, count, waves = list[tuple[int, int, int, int]](), first, dict[int, tuple[int, int]]()
 
     def register(place: int) -> int:
-        return series.STATE - 1 - place if place < 0 else registers[place]
+        return steps.STATE - 1 - place if place < 0 else registers[place]
 
     def put(operation: int, left: int, right: int) -> int:
         nonlocal count
@@ -229,14 +229,14 @@ def shared_gradient(tape: Tape, rounding: Rounding) -> SharedGradient:
         left, right = register(operands[0]), register(operands[-1])
         if name in ("sin", "cos", "tan"):
             if left not in waves:
-                waves[left] = put(series.SINE, left, count + 1), count
+                waves[left] = put(steps.SINE, left, count + 1), count
                 count += 1
             sine, cosine = waves[left]
-            made = put(series.DIVIDE, sine, cosine) if name == "tan" else sine if name == "sin" else cosine
+            made = put(steps.DIVIDE, sine, cosine) if name == "tan" else sine if name == "sin" else cosine
         elif name == "multiply" and any(are_constant):
-            made = put(series.SCALE, *((left, right) if are_constant[0] else (right, left)))
+            made = put(steps.SCALE, *((left, right) if are_constant[0] else (right, left)))
         elif name == "divide" and are_constant[1]:
-            made = put(series.SHARE, left, right)
+            made = put(steps.SHARE, left, right)
         elif name in _SERIES:
             made = put(_SERIES[name], left, right)
         else:

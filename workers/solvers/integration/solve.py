@@ -24,7 +24,7 @@ from workers.solvers.integration.run_pair import SHARED_RELATIVE_ROUNDING, RunPa
 from workers.solvers.ways import is_plain
 
 if TYPE_CHECKING:
-    from workers.solvers.compiled.general.records import Asked
+    from workers.solvers.compiled.records import Asked
     from workers.solvers.integration.compiled import VerifiedRun
 
 FloatArray = NDArray[np.float64]

@@ -13,8 +13,8 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.solution.dense_output import TURN, TURN_LOW, Advance
 from workers.solvers.compiled.frame import make_frame
-from workers.solvers.compiled.precession import advance_of
 from workers.solvers.compiled.records import Records, copied
+from workers.solvers.compiled.solve_set import advance_of
 from workers.solvers.orientation.advance import loop_advances
 
 SUM_ERROR = 2.0**-102

@@ -17,12 +17,12 @@ from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.window import Window
 from service.dynamics.solution.dense_output import Period
-from workers.solvers.compiled.batch import Batch, BatchResult, bounds_of, solve_batch
 from workers.solvers.compiled.evaluation.program import Program, make_program
 from workers.solvers.compiled.family import is_in_window
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.motion import SpectralMotion
 from workers.solvers.compiled.records import Records, new_records
+from workers.solvers.compiled.solve import Batch, BatchResult, bounds_of, solve_batch
 from workers.solvers.compiled.transverse.turn import ERROR, EXCURSION, LOOKED_AT, SPEED, turn
 from workers.solvers.compiled.workspace import WORKSPACE
 from workers.solvers.stability.assessment import Stability, assess, verdict_of

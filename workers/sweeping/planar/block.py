@@ -16,8 +16,8 @@ from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import Part, with_values
 from service.schemas.sweep.sweep import Sweep, json_number
 from workers.solvers.choose import QUICK_SPEED, compiled_tier
-from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.motion import ALL
+from workers.solvers.compiled.solve import Tier
 from workers.solvers.units import Units
 from workers.sweeping.parameters.points import (
     Parameters,

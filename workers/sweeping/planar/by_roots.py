@@ -20,11 +20,10 @@ from service.dynamics.potentials.terms.laurent import Laurent
 from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import Period
-from workers.solvers.compiled.batch import NO_TIMES, BatchResult
 from workers.solvers.compiled.frame import Frame, make_frame
-from workers.solvers.compiled.rational.roots import Radicand, curve_of, expansion_of, radicand_of
+from workers.solvers.compiled.rational import Radicand, curve_of, expansion_of, radicand_of
 from workers.solvers.compiled.records import copied
-from workers.solvers.compiled.solve import solve_rational
+from workers.solvers.compiled.solve import NO_TIMES, BatchResult, solve_rational
 from workers.sweeping.parameters.family import SweepFamily
 from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, solve_one_by_one
 

@@ -14,12 +14,20 @@ from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods, Times
 from service.dynamics.sampling import SampleTimes, sample_times, sample_times_of_each
 from service.dynamics.solution.dense_output import EPSILON, Period
-from workers.solvers.compiled.batch import NO_TIMES, Batch, BatchResult, Tier, bounds_of, solve_batch
 from workers.solvers.compiled.evaluation.program import Program
 from workers.solvers.compiled.frame import logarithm_of, make_frame, with_rests
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.compiled.records import FOUND, Found, Records, copied, new_records
-from workers.solvers.compiled.solve import START_ULPS, is_kept
+from workers.solvers.compiled.solve import (
+    NO_TIMES,
+    START_ULPS,
+    Batch,
+    BatchResult,
+    Tier,
+    bounds_of,
+    is_kept,
+    solve_batch,
+)
 from workers.solvers.compiled.time_map.sampling import sample_one
 from workers.solvers.compiled.workspace import WORKSPACE
 from workers.solvers.units import Units

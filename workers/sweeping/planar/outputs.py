@@ -20,10 +20,10 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Problem
 from service.dynamics.solution.dense_output import Advance
 from service.schemas.sweep.sweep import DRIFT_NUMBERS, NUMBERS, keeps_further
-from workers.solvers.compiled.batch import Batch, solve_batch
 from workers.solvers.compiled.frame import make_frame
-from workers.solvers.compiled.integrals.of_many import drifts_of_many, further_drifts_of_many
+from workers.solvers.compiled.integrals import drifts_of_many, further_drifts_of_many
 from workers.solvers.compiled.records import Records
+from workers.solvers.compiled.solve import Batch, solve_batch
 from workers.solvers.evidence import drifts_of
 from workers.solvers.orientation.advance import estimate
 from workers.solvers.orientation.by_doubles import advances_by_doubles

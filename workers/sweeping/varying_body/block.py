@@ -22,8 +22,8 @@ from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.verdict.proofs.power_sums import CurveEnergy, Judgement, judge_power_sum, number_of
 from service.schemas.sweep.sweep import Sweep
-from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.frame import Bodies, loops_of
+from workers.solvers.compiled.solve import Tier
 from workers.sweeping.parameters.family import rounded
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, curves_of, listed_exactly, times_of
 from workers.sweeping.parameters.programs import double_of

@@ -9,11 +9,11 @@ import pytest
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.sampling import SampleTimes
 from tests.support.planar import body, formula
-from workers.solvers.compiled.batch import Batch, solve_batch
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.motion import Bounds
 from workers.solvers.compiled.records import ARC, CUT, FOUND, LOOP, PANEL
+from workers.solvers.compiled.solve import Batch, solve_batch
 from workers.solvers.compiled.workspace import DISC_WORKSPACE, MOMENTS, PLACES
 
 TIMES = np.linspace(-3.0, 8.0, 57)

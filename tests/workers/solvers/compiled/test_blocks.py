@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from workers.solvers.compiled.blocks import sort_by_interval, two_sum
+from workers.solvers.compiled.workspace import sort_by_interval, two_sum
 
 
 def test_a_sum_and_what_it_leaves_out_are_exact():

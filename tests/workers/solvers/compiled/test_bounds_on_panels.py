@@ -10,12 +10,12 @@ from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.problem import PlanarMotion
 from tests.support.effort import each_once
 from tests.support.planar import body, formula
-from workers.solvers.compiled.discs.on_loop import derivatives_on_discs, put_disc, put_pole
+from workers.solvers.compiled.discs.rows import derivatives_on_discs, put_disc, put_pole
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.records import new_records
 from workers.solvers.compiled.solve_set import equator_of, new_formula
-from workers.solvers.compiled.windows.scan import scan_half
+from workers.solvers.compiled.windows.arcs import scan_half
 from workers.solvers.compiled.workspace import DISC_WORKSPACE, WORKSPACE
 
 FORMULAS = [

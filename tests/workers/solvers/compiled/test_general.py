@@ -15,16 +15,22 @@ from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.evaluation.program import numbers_of
 from workers.solvers.compiled.general.many import solve_pair
-from workers.solvers.compiled.general.records import Asked
 from workers.solvers.compiled.general.run_pair import COLLIDED, INACCURATE, OPEN, VERIFIED
 from workers.solvers.compiled.general.sampling import new_values_at
-from workers.solvers.compiled.general.series import COUNT, ORDER, STATE, take_series
-from workers.solvers.compiled.general.steps import ARRIVED, FAILED, TIRED
+from workers.solvers.compiled.general.steps import ARRIVED, COUNT, FAILED, ORDER, STATE, TIRED, take_series
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import LANES, first_row, new_rows, number_at, place_of, put_number
-from workers.solvers.compiled.residual.nodes import HALVES, PLACES, put_gains, put_series, put_whole_states
+from workers.solvers.compiled.records import Asked
+from workers.solvers.compiled.residual.nodes import (
+    HALVES,
+    PLACES,
+    WIDTH,
+    evaluate,
+    put_gains,
+    put_series,
+    put_whole_states,
+)
 from workers.solvers.compiled.residual.residual import hold
-from workers.solvers.compiled.residual.states import WIDTH, evaluate
 from workers.solvers.integration.compiled import integrator_of, models_of, pair_request, verified_runs
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.run_pair import Span

@@ -11,9 +11,13 @@ from service.dynamics.further_integrals import FurtherIntegral, integral_drift
 from service.dynamics.potentials.families.general import general_potential
 from tests.support.planar import body, formula
 from workers.solvers.compiled.evaluation.program import make_program, rests_of
-from workers.solvers.compiled.integrals import known
-from workers.solvers.compiled.integrals.drifts import potential_energies
-from workers.solvers.compiled.integrals.of_many import drifts_of_many, energies_at, further_drifts_of_many
+from workers.solvers.compiled.integrals import (
+    drifts_of_many,
+    energies_at,
+    further_drifts_of_many,
+    known,
+    potential_energies,
+)
 from workers.solvers.evidence import drifts_of, further_drift
 
 BODY = body(2, 1)

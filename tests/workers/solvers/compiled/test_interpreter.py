@@ -13,8 +13,8 @@ from tests.support.planar import body, formula
 from workers.solvers import compiled
 from workers.solvers.compiled.discs.arithmetic import run_discs
 from workers.solvers.compiled.discs.rows import new_discs, run_rows
-from workers.solvers.compiled.doubled.arithmetic import run_doubled
-from workers.solvers.compiled.doubled.curve import ROUNDING_RATIO
+from workers.solvers.compiled.doubled.arithmetic import ROUNDING_RATIO, run_doubled
+from workers.solvers.compiled.evaluation.curve import run_degrees
 from workers.solvers.compiled.evaluation.interpreter import (
     derivative,
     derivative_with_bound,
@@ -22,9 +22,8 @@ from workers.solvers.compiled.evaluation.interpreter import (
     run_bounded,
     run_double,
 )
-from workers.solvers.compiled.evaluation.low_degree import run_degrees
 from workers.solvers.compiled.evaluation.program import make_program, rests_of
-from workers.solvers.compiled.integrals.known import run_known
+from workers.solvers.compiled.integrals import run_known
 from workers.solvers.compiled.solve_set import new_formula
 from workers.solvers.compiled.workspace import LANES
 

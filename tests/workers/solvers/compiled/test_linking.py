@@ -12,14 +12,14 @@ from llvmlite import binding
 import workers
 from service.local.worker_process import FOLDER_VARIABLE
 from tests.support.effort import one_in
-from workers.solvers.compiled.linking import LEVELS, level
+from workers.solvers.compiled.kernels import LEVELS, level
 
 ROOT = Path(workers.__path__[0]).parent
 KERNELS = """
 import numpy as np
 from workers.computation.compiled_code import allow_compiling, keep_compiled_code
 from workers.solvers.compiled.kernels import inlined, kernel
-from workers.solvers.compiled.linking import Kernel
+from workers.solvers.compiled.kernels import Kernel
 
 allow_compiling()
 keep_compiled_code()

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.support.planar import body, formula
-from workers.solvers.compiled.evaluation.low_degree import is_of_low_degree
+from workers.solvers.compiled.evaluation.curve import is_of_low_degree
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.solve_set import new_formula
 

@@ -6,9 +6,9 @@ import pytest
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
 from workers.solvers.assembly.dense import FIRST_PIECES, MAX_RELATIVE_FINENESS, resolve_motion
+from workers.solvers.compiled.motion import NODES, resolve_one
 from workers.solvers.compiled.records import new_records
 from workers.solvers.compiled.solve import solve_spectral
-from workers.solvers.compiled.time_map.pieces import NODES, resolve_one
 from workers.solvers.compiled.workspace import WORKSPACE
 
 BODY = body(2, 1)

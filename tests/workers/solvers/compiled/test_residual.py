@@ -22,10 +22,8 @@ from workers.solvers.choose import find_motion
 from workers.solvers.compiled import records
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.evaluation.program import make_program
-from workers.solvers.compiled.residual.evidence import kept_claim, samples_keep_claim
-from workers.solvers.compiled.residual.nodes import in_lanes
-from workers.solvers.compiled.residual.residual import hold
-from workers.solvers.compiled.residual.states import WIDTH, evaluate, integrals_on, largest_rates
+from workers.solvers.compiled.residual.nodes import WIDTH, evaluate, in_lanes, integrals_on, largest_rates
+from workers.solvers.compiled.residual.residual import hold, kept_claim, samples_keep_claim
 
 BODY = body(2, 1, "3/2")
 FORMULAS = (

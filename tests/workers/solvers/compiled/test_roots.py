@@ -10,8 +10,7 @@ from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
 from workers.solvers.compiled.evaluation.curve import factor_by_roots
 from workers.solvers.compiled.frame import make_frame
-from workers.solvers.compiled.rational.orbit import rational_orbit
-from workers.solvers.compiled.rational.roots import find_stretch, period_of_x, rational_radicand
+from workers.solvers.compiled.rational import find_stretch, period_of_x, rational_orbit, rational_radicand
 
 DOUBLE = body(2, 1)
 ONE = PlanarMotion(Fraction(1))

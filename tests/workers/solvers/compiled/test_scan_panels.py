@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workers.solvers.compiled.windows.scan_panels import (
+from workers.solvers.compiled.windows.signs import (
     BEGINS,
     EDGES,
     ENDS,
@@ -11,10 +11,10 @@ from workers.solvers.compiled.windows.scan_panels import (
     MIDDLE_SINES,
     NODE_COSINES,
     NODE_SINES,
+    NODES,
     PANELS,
     SIDES,
 )
-from workers.solvers.compiled.windows.signs import NODES
 
 
 def angle(away):

@@ -7,18 +7,22 @@ import pytest
 
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
-from workers.solvers.compiled.batch import TOLERANCES, Batch, solve_batch
 from workers.solvers.compiled.evaluation.curve import place, rates
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.records import MAX_PANELS, NODES, PANEL, new_records
+from workers.solvers.compiled.solve import TOLERANCES, Batch, solve_batch
 from workers.solvers.compiled.solve_set import new_formula
-from workers.solvers.compiled.time_map.error import add_roundings, larger, map_error
-from workers.solvers.compiled.time_map.panels import MATRIX
-from workers.solvers.compiled.time_map.proved import build_time_map
+from workers.solvers.compiled.time_map.error import (
+    DEGREE,
+    add_roundings,
+    build_time_map,
+    larger,
+    map_error,
+    seen_between,
+)
+from workers.solvers.compiled.time_map.panels import MATRIX, POINTS, at, distance, slope_at, time_at
 from workers.solvers.compiled.time_map.sampling import extent
-from workers.solvers.compiled.time_map.series import POINTS, at, distance, slope_at, time_at
-from workers.solvers.compiled.time_map.truncation import DEGREE, seen_between
 from workers.solvers.compiled.workspace import WORKSPACE
 
 DOUBLE = body(2, 1)

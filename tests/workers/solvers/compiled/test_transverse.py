@@ -7,15 +7,12 @@ import pytest
 
 from service.dynamics.problem import PlanarMotion
 from tests.support.planar import body, formula
-from workers.solvers.compiled.batch import Batch, solve_batch
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
-from workers.solvers.compiled.precession import advance_of
 from workers.solvers.compiled.records import copied, new_records
-from workers.solvers.compiled.solve_set import new_formula
-from workers.solvers.compiled.transverse.hill import WIDTH, coefficients
-from workers.solvers.compiled.transverse.parts import doubt_of_ends
-from workers.solvers.compiled.transverse.steps import cross
+from workers.solvers.compiled.solve import Batch, solve_batch
+from workers.solvers.compiled.solve_set import advance_of, new_formula
+from workers.solvers.compiled.transverse.parts import WIDTH, coefficients, cross, doubt_of_ends
 from workers.solvers.compiled.transverse.turn import ERROR, turn
 from workers.solvers.compiled.workspace import PLACES, WORKSPACE
 

@@ -14,7 +14,7 @@ from service.schemas.sweep.reading import read_sweep
 from tests.support import doubled_series
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.compiled.general.growth import grown
-from workers.solvers.compiled.general.series import STATE
+from workers.solvers.compiled.general.steps import STATE
 from workers.solvers.compiled.lanes import LANES
 from workers.solvers.errors import AccuracyNotMetError
 from workers.solvers.integration import solve

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.evaluation.interpreter import new_registers
-from workers.solvers.compiled.general.series import ORDER, STATE
+from workers.solvers.compiled.general.steps import ORDER, STATE
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import (
     ROW,
@@ -38,7 +38,7 @@ from workers.solvers.compiled.lanes import (
     take,
 )
 from workers.solvers.compiled.records import Equations
-from workers.solvers.compiled.residual.states import WIDTH, evaluate
+from workers.solvers.compiled.residual.nodes import WIDTH, evaluate
 
 FloatArray = NDArray[np.float64]
 

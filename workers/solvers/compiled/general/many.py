@@ -8,13 +8,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.general.records import Asked, Models
 from workers.solvers.compiled.general.run_pair import NUMBERS, RUNS, VERIFIED, lanes_of, settle
 from workers.solvers.compiled.general.sampling import values_at
-from workers.solvers.compiled.general.series import STATE
-from workers.solvers.compiled.general.steps import new_pieces, take_steps
+from workers.solvers.compiled.general.steps import STATE, new_pieces, take_steps
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import LANES
+from workers.solvers.compiled.records import Asked, Models
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

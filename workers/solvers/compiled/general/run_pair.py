@@ -9,13 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.general.growth import grown
-from workers.solvers.compiled.general.records import Asked, Models
 from workers.solvers.compiled.general.sampling import compare, new_values_at, widen
-from workers.solvers.compiled.general.series import COUNT, STATE
-from workers.solvers.compiled.general.steps import ARRIVED, FAILED, TIME_SPACING, seen
+from workers.solvers.compiled.general.steps import ARRIVED, COUNT, FAILED, STATE, TIME_SPACING, seen
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import LANES
-from workers.solvers.compiled.records import Equations
+from workers.solvers.compiled.records import Asked, Equations, Models
 from workers.solvers.compiled.residual.residual import hold
 
 FloatArray = NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workers.solvers.compiled.evaluation.interpreter import new_registers
-from workers.solvers.compiled.general.series import STATE
+from workers.solvers.compiled.general.steps import STATE
 from workers.solvers.compiled.kernels import kernel
 from workers.solvers.compiled.lanes import (
     LANES,
@@ -26,7 +26,7 @@ from workers.solvers.compiled.lanes import (
     take,
 )
 from workers.solvers.compiled.records import Equations
-from workers.solvers.compiled.residual.states import WIDTH, evaluate
+from workers.solvers.compiled.residual.nodes import WIDTH, evaluate
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -9,12 +9,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from workers.solvers.compiled.blocks import BLOCK, sort_by_interval, two_sum
 from workers.solvers.compiled.evaluation.curve import loop_points
 from workers.solvers.compiled.kernels import fused, inlined, kernel
 from workers.solvers.compiled.records import Loop, Panel, Records
-from workers.solvers.compiled.time_map.series import at, distance, larger, series_at, slope_at
-from workers.solvers.compiled.workspace import Moments
+from workers.solvers.compiled.time_map.panels import at, distance, larger, series_at, slope_at
+from workers.solvers.compiled.workspace import BLOCK, Moments, sort_by_interval, two_sum
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -10,8 +10,8 @@ and after; and to first order, with the monodromy K(x) that begins at x, by
 
 .. math:: \int |K_{01} δβ| + |K_{10} δα| \,dx
 
-for the roundings δα, δβ of dt/dx and c (:mod:`.hill` has both equations), and for what the ends of the window
-are in doubt by. The first is a measurement, the other a bound of first order.
+for the roundings δα, δβ of dt/dx and c (:mod:`.parts` has both equations), and for what the ends of the
+window are in doubt by. The first is a measurement, the other a bound of first order.
 """
 
 import math
@@ -22,18 +22,18 @@ from numpy.typing import NDArray
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import inlined, kernel
 from workers.solvers.compiled.records import Discs, Formula, Instructions, Records
-from workers.solvers.compiled.transverse.hill import WIDTH
 from workers.solvers.compiled.transverse.parts import (
     ALPHA,
     ALPHA_ERROR,
     BETA,
     BETA_ERROR,
     C_ERROR,
+    C_ROW,
+    M_ROW,
+    Q_ROW,
     RELATIVE,
     ROWS,
-    C,
-    M,
-    Q,
+    WIDTH,
     cross_part,
     doubt_of_ends,
     error_of_rate,
@@ -99,7 +99,8 @@ def _error_from_roundings(stages: FloatArray, K: FloatArray) -> float:
     """Return what roundings at the stages of a part do to the trace, K being the monodromy from its start."""
     total = 0.0
     for k in range(WIDTH):
-        q0, q1, m0, m1 = stages[Q, k], stages[Q + 1, k], stages[M, k], stages[M + 1, k]
+        q0, q1 = stages[Q_ROW, k], stages[Q_ROW + 1, k]
+        m0, m1 = stages[M_ROW, k], stages[M_ROW + 1, k]
         # Y K Y⁻¹, det Y = 1.
         a, b = q0 * K[0, 0] + q1 * K[1, 0], q0 * K[0, 1] + q1 * K[1, 1]
         c, d = m0 * K[0, 0] + m1 * K[1, 0], m0 * K[0, 1] + m1 * K[1, 1]
@@ -173,7 +174,7 @@ def turn(
     )
     frequency = 2.0 * math.pi / founds[0].period
     scale = moments[1] * frequency
-    c, noise = stages[0, C], stages[0, C_ERROR]
+    c, noise = stages[0, C_ROW], stages[0, C_ERROR]
     if not is_integrable(formula, loop, scale * frequency, moments, places, c, noise):
         return False
     doubt = doubt_of_ends(formula, loop, places, panels, len(panels))
