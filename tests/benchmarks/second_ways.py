@@ -33,7 +33,7 @@ from tests.support.planar import body, formula, planar
 from workers.computation.compiled_code import keep_compiled_code
 from workers.computation.compute import solve_document
 from workers.solvers import choose
-from workers.solvers.assembly.families import Declined, Place, periodic_place
+from workers.solvers.assembly.families import Declined, PeriodicPlace, Place
 from workers.solvers.certified.by_integral import IntegralMotion, integral_motion, periodic_window
 from workers.solvers.choose import FAMILIES, FamilyName
 from workers.solvers.closed_form import ClosedFormFamily
@@ -352,7 +352,7 @@ def elliptic_row(name: str, text: str) -> str:
     assert isinstance(problem.motion, PlanarMotion)
     with ctx.workprec(256):
         window = choose_window(find_windows(rigid_body, problem.potential, problem.motion), problem.motion)
-        place = periodic_place(Place(window, starting_point(window, problem.motion)))
+        place = PeriodicPlace(window, starting_point(window, problem.motion))
         ours, theirs = (solved(problem, place, family) for family in ("closed form", "quadrature"))
     return f"| {name} | {ours[1]} | {theirs[1]} | {theirs[0] / ours[0]:.1f} |"
 

@@ -12,9 +12,8 @@ No tier costs more than the next more accurate one: what its own kernel declines
 next one asks, in the same order.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cache, partial
 from math import inf, isfinite
 from types import MappingProxyType
@@ -39,8 +38,8 @@ from service.dynamics.problem import (
 )
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
-from workers.solvers.assembly.families import Declined, Family, Place, periodic_place
-from workers.solvers.certified.certify import Certified, certify
+from workers.solvers.assembly.families import Declined, Family, PeriodicPlace, Place
+from workers.solvers.certified.certify import certify
 from workers.solvers.certified.family import WayFamily
 from workers.solvers.certified.validated.enclose import Start
 from workers.solvers.classical.solve import place_motion, solve_classical
@@ -289,27 +288,8 @@ def find_motion(problem: Problem) -> Motion:
     return with_enough_bits(problem, _ask_in_turn)
 
 
-def enclose(
-    body: RigidBody,
-    potential: Potential,
-    motion: PlanarMotion | StateMotion | ClassicalMotion,
-    times: Sequence[Fraction],
-    bits: int,
-    *,
-    methods: Sequence[EnclosureMethod] = ("elliptic", "integral"),
-    about_a_period: float | None = None,
-) -> Certified:
-    """Return the enclosures of :func:`.certify`, which prove what compiled doubles find."""
-    return certify(
-        body,
-        potential,
-        motion,
-        times,
-        bits,
-        methods=methods,
-        about_a_period=about_a_period,
-        find_arc=arc_in_doubles,
-    )
+enclose = partial(certify, find_arc=arc_in_doubles)
+"""Returns the enclosures of :func:`.certify`, which prove what compiled doubles find."""
 
 
 def speed_in_doubles(problem: Problem) -> float | None:
@@ -327,7 +307,7 @@ def speed_in_doubles(problem: Problem) -> float | None:
 
 def _ask_in_turn(problem: Problem, found: Place) -> Motion:
     is_periodic = found.window.kind == "periodic"
-    place = periodic_place(found) if is_periodic else found
+    place = PeriodicPlace(found.window, found.start) if is_periodic else found
     reached, last = inf, None
     for family in choose(problem, "periodic" if is_periodic else "not periodic").families:
         if not family.takes(problem, place):

@@ -13,7 +13,7 @@ from service.dynamics.motion import Motion
 from service.dynamics.problem import Accuracy, Method, PlanarMotion, Problem, StateMotion, Tier
 from tests.support.planar import body, planar
 from workers.solvers import choose as table
-from workers.solvers.assembly.families import NOT_MINE, Declined, Place, periodic_place
+from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place
 from workers.solvers.choose import (
     COMPILED,
     ENCLOSURES,
@@ -93,7 +93,7 @@ def test_families_keep_what_they_promise_and_agree(name, grade):
     problem, family = problem_of(grade), FAMILIES[name]
 
     def solve(problem: Problem, found: Place) -> Motion | Declined:
-        place = periodic_place(found)
+        place = PeriodicPlace(found.window, found.start)
         assert family.takes(problem, place)
         return family.solve(problem, place)
 

@@ -10,7 +10,7 @@ from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from tests.extremes.problems import SEPARATRIX
 from tests.support.planar import body, formula
-from workers.solvers.assembly.families import Place, periodic_place
+from workers.solvers.assembly.families import PeriodicPlace
 from workers.solvers.orbits.near_rest import SlowOrbit
 from workers.solvers.orbits.orbit import Libration, Rotation
 
@@ -31,7 +31,7 @@ def test_a_place_is_somewhere_on_its_orbit(text, lambda_, kind):
     windows = find_windows(rigid_body, formula(text, rigid_body), motion)
     with ctx.workprec(REDUCTION_BITS):
         window = choose_window(windows, motion)
-        place = periodic_place(Place(window, starting_point(window, motion)))
+        place = PeriodicPlace(window, starting_point(window, motion))
         said = place.somewhere()
         assert isinstance(place.orbit, kind)
         there = place.orbit.somewhere()

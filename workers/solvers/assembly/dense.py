@@ -9,11 +9,17 @@ from itertools import pairwise
 
 import numpy as np
 from flint import arb
+from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from service.dynamics.bounds import largest
 from service.dynamics.errors import DynamicsError
-from service.dynamics.solution.dense_output import Period, chebyshev_points, chebyshev_series
+from service.dynamics.solution.dense_output import (
+    Period,
+    chebyshev_coefficients,
+    chebyshev_points,
+    chebyshev_series,
+)
 
 FloatArray = NDArray[np.float64]
 Sampler = Callable[[FloatArray], FloatArray]
@@ -42,6 +48,13 @@ BALL_CHECKED_POINTS = (-0.71, 0.29)
 """Places in a piece, none a node, where the series of the variables are compared with balls."""
 UNSEEN_DEPARTURE_FACTOR = 4.0
 """Largest departure between the places that are looked at, in parts of the largest departure at them."""
+
+
+def integration_matrix(degree: int) -> FloatArray:
+    """Return what integrates values at Chebyshev's points from −1 on, shape (degree + 1, degree + 1)."""
+    series = chebyshev.chebint(chebyshev_coefficients(np.eye(degree + 1)), lbnd=-1, axis=0)
+    integrals: FloatArray = chebyshev.chebvander(chebyshev_points(degree), degree + 1) @ series
+    return integrals
 
 
 class DenseOutputNotResolvedError(DynamicsError):
@@ -75,7 +88,7 @@ class ResolvedMotion:
         if by == 0.0:
             return 0.0
         lengths = np.diff(self.breaks)[:, None]
-        slopes = np.abs(np.polynomial.chebyshev.chebder(self.coefficients, axis=1)).sum(axis=1)
+        slopes = np.abs(chebyshev.chebder(self.coefficients, axis=1)).sum(axis=1)
         slid = slopes * (2.0 * by) / lengths
         ranges = 2.0 * np.abs(self.coefficients[:, 1:]).sum(axis=1)
         is_short = slid > ranges
@@ -129,7 +142,7 @@ def resolve_motion(
         for k, x in enumerate(narrow):
             if not len(x):
                 continue
-            apart = np.abs(np.polynomial.chebyshev.chebval(x, series[k]).T - others[k])
+            apart = np.abs(chebyshev.chebval(x, series[k]).T - others[k])
             looser = _allowed(np.concatenate([sizes[k], others[k]])[None], pieces[k : k + 1, None], atol)[0]
             is_resolved[k] = (np.abs(series[k, -2:]).max(axis=0) <= looser).all() and (
                 apart <= FEATURE_DEPARTURE_TAILS * looser
@@ -173,7 +186,7 @@ def _sampled(
 
 def _between(series: FloatArray) -> FloatArray:
     """Return the values at CHECKED_POINTS, shape (n, len, 6), of series of shape (n, PIECE_DEGREE + 1, 6)."""
-    values = np.polynomial.chebyshev.chebval(np.array(CHECKED_POINTS), series.transpose(1, 0, 2))
+    values = chebyshev.chebval(np.array(CHECKED_POINTS), series.transpose(1, 0, 2))
     return np.asarray(values.transpose(0, 2, 1))
 
 

@@ -127,11 +127,6 @@ class Declined:
 NOT_MINE = Declined(float("inf"))
 
 
-def periodic_place(place: Place) -> PeriodicPlace:
-    """Return the place as one in a periodic window."""
-    return PeriodicPlace(place.window, place.start)
-
-
 class Family(Protocol):
     """A family of solvers for planar motions; the duties are those of this module."""
 
@@ -217,7 +212,7 @@ class Sampled:
     """The times at which samples are asked for, if they were computed before."""
 
 
-def asked_times(problem: Problem, period: Period) -> SampleTimes:
+def asked_times(problem: Problem, period: Period | None) -> SampleTimes:
     """Return the times at which samples are asked for; none if no function of time is."""
     if not problem.wants_series:
         return SampleTimes(np.zeros(0), np.zeros(0))

@@ -27,7 +27,7 @@ from workers.solvers.certified.fourier_time import (
 from workers.solvers.certified.orbit import is_the_only_one, passes_pole, start_on
 from workers.solvers.certified.phase import LibrationPhase, RealLoop, RotationPhase
 from workers.solvers.certified.time_model import TimeModel, make_time_model
-from workers.solvers.certified.way import PolarWay, way_of
+from workers.solvers.certified.way import MotionPhase, PolarWay, way_of
 from workers.solvers.complex_plane.angular_part import AngularSeries
 from workers.solvers.complex_plane.complex_loop import ComplexLoop, unit_at_poles
 from workers.solvers.errors import CertifiedUnavailableError, PrecisionNeededError
@@ -55,7 +55,7 @@ MAX_NARROWING_FACTOR = 2.0**-8
 class IntegralMotion:
     """A motion from its start on; to be asked at the precision it was made at."""
 
-    phase: LibrationPhase | RotationPhase | PolarWay
+    phase: MotionPhase
     start: StartingPoint
     energy: arb
     bits: int

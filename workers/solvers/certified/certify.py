@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
 from math import floor
-from typing import Protocol
 
 from flint import arb, ctx
 
@@ -18,8 +17,8 @@ from service.dynamics.potentials.recognition.three_terms import recognise
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, StateMotion
 from service.dynamics.reduction.geometry.loop import make_loop
 from workers.solvers.assembly.families import SYMMETRIC_POLE_PASSAGE
-from workers.solvers.certified.by_integral import FindArc, motion_by_integral, periodic_window
-from workers.solvers.certified.elliptic import elliptic_motion
+from workers.solvers.certified.by_integral import FindArc, IntegralMotion, motion_by_integral, periodic_window
+from workers.solvers.certified.elliptic import EllipticMotion, elliptic_motion
 from workers.solvers.errors import CertifiedUnavailableError, PrecisionNeededError
 from workers.solvers.three_terms import RootsUndecidedError
 
@@ -58,17 +57,7 @@ class Certified:
     """The gains of ψ1 and ψ3 in a period, if they are proven."""
 
 
-class _Motion(Protocol):
-    @property
-    def period(self) -> arb: ...
-
-    @property
-    def energy(self) -> arb: ...
-
-    @property
-    def passes_pole(self) -> bool: ...
-
-    def states(self, times: Sequence[arb]) -> tuple[tuple[arb, ...], ...]: ...
+_Motion = EllipticMotion | IntegralMotion
 
 
 def certify(

@@ -75,15 +75,13 @@ class WayFamily:
         with ctx.workprec(precision + ctx.prec - REDUCTION_BITS):
             try:
                 way = way_from(problem.body, problem.potential, motion, place.start, bits)
-                sampled = None
-                if isinstance(way.phase, PolarWay) and isinstance(model := way.model, TimeModel):
-                    sampled = _sampled(way, way.phase, model)
+                if not (isinstance(way.phase, PolarWay) and isinstance(model := way.model, TimeModel)):
+                    return NOT_MINE
+                sampled = _sampled(way, way.phase, model)
             except CertifiedUnavailableError:
-                sampled = None
+                return NOT_MINE
             except PrecisionNeededError as error:
                 raise PrecisionLostError(f"{error} is not known") from error
-        if sampled is None:
-            return NOT_MINE
         return make_periodic(problem, place, sampled)
 
 

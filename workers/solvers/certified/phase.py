@@ -133,8 +133,8 @@ class RealLoop:
         return CurvePlace(sine, cosine, power, sine.sgn(), c_squared.sqrt()), c_squared
 
 
-class TimedPhase(Protocol):
-    """A planar motion, or a stretch of it, as a function of θ, which grows with time."""
+class SmoothPhase(Protocol):
+    """A planar motion, or a stretch of it, as a holomorphic function of θ, which grows with time."""
 
     def rate(self, theta: acb, *, analytic: bool) -> acb:
         """Return dt/dθ; not finite if ``analytic`` and it is not holomorphic on the ball."""
@@ -144,10 +144,6 @@ class TimedPhase(Protocol):
 
     def phase(self, v: arb) -> arb:
         """Return θ at a place of it."""
-
-
-class SmoothPhase(TimedPhase, Protocol):
-    """One that is holomorphic."""
 
     def motion(self, theta: acb) -> tuple[acb, ...]:
         """Return dt/dθ and the six variables."""
@@ -178,26 +174,6 @@ class PhaseStretch:
         return self.last + self.shift
 
 
-class MotionPhase(TimedPhase, Protocol):
-    """A periodic planar motion as a function of θ."""
-
-    @property
-    def is_even(self) -> bool:
-        """Say whether it comes back by the same way: dt/dθ is even about 0 and the length."""
-
-    @property
-    def length(self) -> arb:
-        """Return θ after one period of all six variables, half of it if it comes back by the same way."""
-
-    @property
-    def stretches(self) -> tuple[PhaseStretch, ...]:
-        """Return stretches from 0 to the length."""
-
-    def rates(self, count: int) -> Iterator[arb]:
-        """Yield dt/dθ at equidistant θ halfway between multiples of 2π/count, up to π if it is even."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class LibrationPhase(SmoothPhase):
     """Motion to and fro between two simple zeros of N, v = m − h cos θ."""
@@ -210,20 +186,20 @@ class LibrationPhase(SmoothPhase):
 
     @property
     def length(self) -> arb:
-        """See MotionPhase.length."""
+        """Return θ after one period of all six variables, or half of it if it comes back by the same way."""
         return arb.pi()
 
     @property
     def stretches(self) -> tuple[PhaseStretch, ...]:
-        """See MotionPhase.stretches."""
+        """Return stretches from 0 to the length."""
         return (PhaseStretch(self, arb(0), self.length, arb(0)),)
 
     def phase(self, v: arb) -> arb:
-        """See TimedPhase.phase."""
+        """See SmoothPhase.phase."""
         return 2 * arb.atan2((v - self.lower).sqrt(), (self.upper - v).sqrt())
 
     def rate(self, theta: acb, *, analytic: bool) -> acb:
-        """See TimedPhase.rate."""
+        """See SmoothPhase.rate."""
         at, quotient = self._at(theta, analytic=analytic)
         return self.curve.loop.Z * (self.curve.W(at) * quotient).rsqrt(analytic) / at.c
 
@@ -235,7 +211,7 @@ class LibrationPhase(SmoothPhase):
             yield (real.squared_rate(self.lower + below, h) * below * (width - below)).sqrt()
 
     def state(self, theta: arb, rate: arb | None = None) -> tuple[arb, ...]:
-        """See TimedPhase.state."""
+        """See SmoothPhase.state."""
         if rate is not None:
             sine, cosine = (theta / 2).sin_cos()
             v = self.lower + (self.upper - self.lower) * sine * sine
@@ -273,7 +249,7 @@ class LibrationPhase(SmoothPhase):
         """
         curve = self.curve
         if not product.contains(0):
-            found = curve.expanded_N(v, analytic=True) / product
+            found = curve.expanded_N(v) / product
             if found.real > 0:
                 return found
         slope, bend = curve.slope_and_curvature(curve.place(v.union(root), analytic=True), analytic=True)
@@ -298,20 +274,20 @@ class RotationPhase(SmoothPhase):
 
     @property
     def length(self) -> arb:
-        """See MotionPhase.length."""
+        """Return θ after one period of all six variables, or half of it if it comes back by the same way."""
         return 2 * arb.pi()
 
     @property
     def stretches(self) -> tuple[PhaseStretch, ...]:
-        """See MotionPhase.stretches."""
+        """Return stretches from 0 to the length."""
         return (PhaseStretch(self, arb(0), self.length, arb(0)),)
 
     def phase(self, v: arb) -> arb:
-        """See TimedPhase.phase."""
+        """See SmoothPhase.phase."""
         return self.direction * (v - self.origin)
 
     def rate(self, theta: acb, *, analytic: bool) -> acb:
-        """See TimedPhase.rate."""
+        """See SmoothPhase.rate."""
         at, P = self._at(theta, analytic=analytic)
         return self.curve.loop.Z / (at.c * self.curve.root_of(P, analytic))
 
@@ -322,7 +298,7 @@ class RotationPhase(SmoothPhase):
             yield real.squared_rate(self.origin + j * step, h).sqrt()
 
     def state(self, theta: arb, rate: arb | None = None) -> tuple[arb, ...]:
-        """See TimedPhase.state."""
+        """See SmoothPhase.state."""
         v = self.origin + self.direction * theta
         if rate is not None and not self.real.loses_digits(v):
             return self.real.state(v, self.direction / rate)
@@ -339,7 +315,7 @@ class RotationPhase(SmoothPhase):
         at = self.curve.place(v, analytic=analytic)
         N = self.curve.N(at, analytic=analytic)
         if theta.real.rad() > POINT_MAX_RADIUS and not N.real > 0:
-            N = tighter(N, self.curve.expanded_N(v, analytic=True))
+            N = tighter(N, self.curve.expanded_N(v))
         return at, self.curve.W(at) * N
 
 

@@ -57,7 +57,7 @@ class Series:
 
     __slots__ = ("coefficients", "norm", "rest", "strip")
 
-    def __init__(self, strip: "SeriesRing", coefficients: Coefficients, rest: float, norm: float) -> None:
+    def __init__(self, strip: "Strip", coefficients: Coefficients, rest: float, norm: float) -> None:
         self.strip, self.coefficients, self.rest = strip, coefficients, rest
         self.norm = norm
         """Bound of the norm of the whole."""
@@ -80,8 +80,8 @@ class Series:
         return self.norm < inf
 
 
-class SeriesRing:
-    """Sums and products on |Im θ| ≤ height, by polynomials up to ``degree``."""
+class Strip:
+    """The algebra on |Im θ| ≤ height, by polynomials up to ``degree``; an Algebra of formulas."""
 
     def __init__(self, height: float, degree: int, *, is_even: bool) -> None:
         if height * 2 * degree > MAX_LOG_WEIGHT:
@@ -211,10 +211,6 @@ class SeriesRing:
         offset = (len(longer) - len(shorter)) >> 1
         total[offset : len(longer) - offset] += shorter
         return self.series(total, left.rest + of.rest + EPSILON * (left.norm + of.norm))
-
-
-class Strip(SeriesRing):
-    """The algebra on a strip; an Algebra of formulas."""
 
     def divide(self, left: Series, right: Series) -> Series:
         """Return left / right."""

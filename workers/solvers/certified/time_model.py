@@ -23,7 +23,8 @@ import numpy as np
 from flint import acb, arb, arb_poly, ctx
 from numpy.typing import NDArray
 
-from workers.solvers.certified.phase import MotionPhase, PhaseStretch, TimedPhase
+from workers.solvers.certified.phase import PhaseStretch, SmoothPhase
+from workers.solvers.certified.way import MotionPhase
 from workers.solvers.errors import CertifiedUnavailableError, PrecisionNeededError
 
 FloatArray = NDArray[np.float64]
@@ -270,39 +271,24 @@ class Box(NamedTuple):
     y: float
     half: float
 
+    def meets(self, centre: float, reach: float) -> bool:
+        """Say whether it may meet the upper half of a disc."""
+        return hypot(max(abs(self.x - centre) - self.half, 0.0), self.y - self.half) < 1.001 * reach
 
-def _bound(phase: TimedPhase, left: float, right: float, size: arb) -> arb | None:
-    """Return M, the bound of |dt/dθ| on the disc of 2ρ, where it is holomorphic; None if not proven."""
+
+def _bound(phase: SmoothPhase, left: float, right: float, size: arb) -> arb | None:
+    """Return M, the bound of |dt/dθ| on the disc of 2ρ, where it is holomorphic; None if not proven.
+
+    The disc is covered by boxes. A box is halved both ways until its ball tells something: what is proven may
+    take MAX_BOXES balls. About the largest rate is ``size``.
+    """
     centre, reach = 0.5 * (left + right), PIECE_OVERLAP * (right - left)
     half = 0.5 * reach
     # The lower half of the disc has the conjugate values.
-    boxes = [Box(centre + half, half, half), Box(centre - half, half, half)]
-
-    def meets_disc(box: Box) -> bool:
-        return hypot(max(abs(box.x - centre) - box.half, 0.0), box.y - box.half) < 1.001 * reach
-
-    smallest = MIN_BOX_SHARE_OF_RADIUS * reach
-    return _bound_on(phase, boxes, size=size, smallest=smallest, most=MAX_BOXES, is_needed=meets_disc)
-
-
-def _bound_on(
-    phase: TimedPhase,
-    boxes: list[Box],
-    *,
-    size: arb,
-    smallest: float,
-    most: int,
-    is_needed: Callable[[Box], bool],
-) -> arb | None:
-    """Return a bound of |dt/dθ| on the boxes that are needed, where it is holomorphic.
-
-    A box is halved both ways, down to ``smallest``, until its ball tells
-    something. None if that fails, or takes more than ``most`` balls; ``size`` is about the largest rate.
-    """
-    waiting = list(boxes)
+    waiting = [Box(centre + half, half, half), Box(centre - half, half, half)]
     largest = arb(0)
-    for _ in range(most):
-        while waiting and not is_needed(waiting[-1]):
+    for _ in range(MAX_BOXES):
+        while waiting and not waiting[-1].meets(centre, reach):
             waiting.pop()
         if not waiting:
             return largest
@@ -311,7 +297,7 @@ def _bound_on(
         value = abs(phase.rate(ball, analytic=True)).upper()
         if value < MAX_OVERESTIMATE_RATIO * size:
             largest = largest.max(value)
-        elif half > smallest:
+        elif half > MIN_BOX_SHARE_OF_RADIUS * reach:
             half *= 0.5
             waiting += [Box(x + i * half, y + j * half, half) for i in (-1, 1) for j in (-1, 1)]
         else:

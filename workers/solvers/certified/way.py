@@ -6,7 +6,7 @@ point it is one of the phase of the libration.
 """
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -37,18 +37,18 @@ class PassagePhase(SmoothPhase):
     """Sign of dv/dt."""
 
     def rate(self, theta: acb, *, analytic: bool) -> acb:
-        """See MotionPhase.rate."""
+        """See SmoothPhase.rate."""
         curve = self.passage.curve
         phi = self._sign * theta
         at, slope = self.passage.place(phi, analytic=analytic)
         N = curve.N(at, analytic=analytic)
         if theta.real.rad() > POINT_MAX_RADIUS and not N.real > 0 and phi.real > 0:
             plain = replace(curve, unit=0, pole=0)
-            N = tighter(N, plain.expanded_N(self.passage.angle(phi), analytic=True))
+            N = tighter(N, plain.expanded_N(self.passage.angle(phi)))
         return curve.loop.Z * slope / curve.root_of(at.c_squared * curve.W(at) * N, analytic)
 
     def state(self, theta: arb) -> tuple[arb, ...]:
-        """See MotionPhase.state."""
+        """See SmoothPhase.state."""
         return tuple(value.real for value in self.motion(acb(theta))[1:])
 
     def motion(self, theta: acb) -> tuple[acb, ...]:
@@ -92,20 +92,16 @@ class PolarWay:
 
     @property
     def length(self) -> arb:
-        """See MotionPhase.length."""
+        """Return θ at its end."""
         return self.stretches[-1].end
 
-    def rates(self, count: int) -> Iterator[arb]:
-        """Yield nothing: there is no strip."""
-        yield from ()
-
     def rate(self, theta: acb, *, analytic: bool) -> acb:
-        """See MotionPhase.rate."""
+        """See SmoothPhase.rate."""
         stretch = self.stretches[self.number(theta.real)]
         return stretch.phase.rate(theta - stretch.shift, analytic=analytic)
 
     def state(self, theta: arb) -> tuple[arb, ...]:
-        """See MotionPhase.state; on the way back of a libration θ is beyond the length."""
+        """See SmoothPhase.state; on the way back of a libration θ is beyond the length."""
         if self.is_even and theta.mid() > self.length.mid():
             there = self.state(2 * self.length - theta)
             return (*(-rate for rate in there[:3]), *there[3:])
@@ -129,6 +125,11 @@ class PolarWay:
     def number(self, theta: arb) -> int:
         """Return the number of the stretch that has the phase θ."""
         return max(0, bisect_right([float(each.begin) for each in self.stretches], float(theta)) - 1)
+
+
+MotionPhase = LibrationPhase | RotationPhase | PolarWay
+"""A periodic planar motion as a function of θ: it comes back by the same way, so that dt/dθ is even about 0
+and the length, or goes round."""
 
 
 def _hull(values: tuple[arb, ...]) -> arb:

@@ -33,6 +33,7 @@ from service.dynamics.solution.dense_output import (
     chebyshev_coefficients,
     chebyshev_points,
 )
+from workers.solvers.assembly.dense import integration_matrix
 from workers.solvers.classical.curve import CHECKED_POINTS, DIFFERENCE_FACTOR, Clock, LoopInDoubles
 from workers.solvers.errors import PrecisionLostError
 
@@ -255,9 +256,7 @@ def _propagators(loop: LoopInDoubles, lower: float, k: dict[str, float]) -> tupl
     """Return the propagators of the panels of a turn, resolved, and their largest relative tail."""
     points = chebyshev_points(PANEL_DEGREE)
     interpolation = chebyshev_coefficients(np.eye(PANEL_DEGREE + 1))
-    integration = chebyshev.chebvander(points, PANEL_DEGREE + 1) @ chebyshev.chebint(
-        interpolation, lbnd=-1, axis=0
-    )
+    integration = integration_matrix(PANEL_DEGREE)
     size = 2 * (PANEL_DEGREE + 1)
     tail = np.inf
     for count in PANELS_PER_TURN:

@@ -8,7 +8,6 @@ from fractions import Fraction
 
 import numpy as np
 from flint import ctx
-from numpy.typing import NDArray
 
 from service.dynamics.bounds import largest
 from service.dynamics.classical.classification import relations_of
@@ -16,25 +15,14 @@ from service.dynamics.classical.loop import CASE_BITS
 from service.dynamics.classical.placement import Placed, place
 from service.dynamics.motion import COLUMNS, Asymptote, Estimate, Motion
 from service.dynamics.problem import ClassicalMotion, Problem
-from service.dynamics.sampling import SampleTimes, sample_times
+from service.dynamics.sampling import SampleTimes
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
 from workers.solvers.assembly.dense import nothing_resolved, resolve_motion
+from workers.solvers.assembly.families import asked_times
 from workers.solvers.classical.curve import Curve
 from workers.solvers.classical.momentum import Momentum
 from workers.solvers.evidence import with_claim_raised
 from workers.solvers.integration.solve import integrate_from
-
-FloatArray = NDArray[np.float64]
-
-
-def constant(placed: Placed, span: tuple[float, float]) -> DenseOutput:
-    """Return the motion over a span of times; each variable is the double nearest to its value."""
-    state = np.array([float(x) for x in (*placed.start.omega, *placed.start.gamma)])
-    rounding = float(np.spacing(np.abs(state).max()))
-    first, last = span
-    breaks = np.array([first, last if last > first else first + 1.0])
-    return DenseOutput(("p", "q", "r", "g1", "g2", "g3"), breaks, state.reshape(1, 1, 6), None, rounding)
-
 
 PIECES_ERROR = 1e-14
 """Error of the pieces of the function of time, unless the samples are known to less."""
@@ -73,8 +61,12 @@ def solve_classical(problem: Problem, *, integrates: bool) -> Motion:
 
 
 def _steady(problem: Problem, placed: Placed) -> Motion:
-    times = _asked(problem, None)
-    motion = _motion(problem, placed, constant(placed, _span(times)), times)
+    times = asked_times(problem, None)
+    # Each variable is the double nearest to its value.
+    state = np.array([float(x) for x in (*placed.start.omega, *placed.start.gamma)])
+    rounding = float(np.spacing(np.abs(state).max()))
+    dense = DenseOutput(COLUMNS, np.array(_span(times)), state.reshape(1, 1, 6), None, rounding)
+    motion = _motion(problem, placed, dense, times)
     g1, g2, g3 = (float(g) for g in placed.start.gamma)
     limit = Asymptote("equilibrium", None, None, (g1, g2, g3))
     return replace(motion, aperiodic="equilibrium", past=limit, future=limit)
@@ -97,7 +89,7 @@ def _of_loop(problem: Problem, placed: Placed) -> Motion:
     else:
         found = nothing_resolved(hi)
     columns = COLUMNS[: found.coefficients.shape[2]]
-    asked = _asked(problem, period)
+    asked = asked_times(problem, period)
     if "orientation" in problem.outputs:
         # What the attitude gains in a period is known of planar motions alone: it needs all the asked times.
         span = _span(asked)
@@ -112,7 +104,7 @@ def _of_loop(problem: Problem, placed: Placed) -> Motion:
 
 
 def _of_hess(problem: Problem, placed: Placed) -> Motion:
-    times = _asked(problem, None)
+    times = asked_times(problem, None)
     span = _span(times)
     momentum = Momentum.of(placed, span)
     own = momentum.error()
@@ -123,12 +115,6 @@ def _of_hess(problem: Problem, placed: Placed) -> Motion:
     dense = DenseOutput(COLUMNS, found.breaks, found.coefficients, None, found.error + own)
     motion = _motion(problem, placed, dense, times)
     return replace(motion, evidence={**motion.evidence, "pieces": len(found.breaks) - 1})
-
-
-def _asked(problem: Problem, period: Period | None) -> SampleTimes:
-    if not problem.wants_series:
-        return SampleTimes(np.zeros(0), np.zeros(0))
-    return sample_times(problem.time, period)
 
 
 def _span(times: SampleTimes) -> tuple[float, float]:

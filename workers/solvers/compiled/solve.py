@@ -83,15 +83,6 @@ class BatchResult:
     panels: Records
     """The time map of the last motion."""
 
-    @property
-    def bounds(self) -> Bounds:
-        """Return what the errors of samples are made of, arrays of shape (sets,)."""
-        return bounds_of(self.found)
-
-    def errors_at(self, latest: FloatArray | float) -> FloatArray:
-        """Return the bounds of the errors up to |t| = ``latest``, shape (sets,); inf where not decided."""
-        return errors_of(self.found, latest)
-
 
 def solve_batch(batch: Batch) -> BatchResult:
     """Solve every motion of a batch by compiled code: each has the very numbers that it has alone."""
@@ -123,12 +114,6 @@ def bounds_of(found: Records) -> Bounds:
     return Bounds(found["time_error"], found["speed"], found["rate_error"], found["largest"], found["moved"])
 
 
-def errors_of(found: Records, latest: FloatArray | float) -> FloatArray:
-    """Return the bounds of the errors of samples up to |t| = ``latest``; inf where not decided."""
-    errors = bounds_of(found).error_at(latest, found["period"], found["period_error"])
-    return np.where((found["panels"] > 0) & ~np.isnan(errors), errors, np.inf)
-
-
 def solve_spectral(
     body: RigidBody, potential: Potential, motion: PlanarMotion, *, tier: Tier
 ) -> SpectralMotion | None:
@@ -155,7 +140,7 @@ def solve_spectral(
         return found if exact is None else _motion(potential, *exact)
     found = _only_one(potential, solve_batch(Batch(program, constants[None, :], frame.shared, tier)))
     is_late = found is not None and isinstance(motion.start, StartAtPoint)
-    return _later(found, _lateness(found)) if found is not None and is_late else found
+    return _later(found) if found is not None and is_late else found
 
 
 def _solve_doubled(
@@ -174,7 +159,7 @@ def _solve_doubled(
     found = _only_one(potential, run)
     if found is None or not isinstance(motion.start, StartAtPoint):
         return found
-    return _later(found, _lateness(found))
+    return _later(found)
 
 
 def is_kept(bounds: Bounds, period: FloatLike, period_error: FloatLike) -> NDArray[np.bool_]:
@@ -222,16 +207,12 @@ def solve_rational(
     return period, run
 
 
-def _lateness(found: SpectralMotion) -> float:
-    """Return what the rounding of the start is worth as a time: long next to the equator."""
+def _later(found: SpectralMotion) -> SpectralMotion:
+    """Count the rounding of the start as time: next to the equator it is worth a long one."""
     p, _, r, _, g2, _ = np.abs(found.sample(np.zeros(1))[0]).tolist()
     # g1' = r g2 and g3' = −p g2, q being 0.
     slowest = g2 * min(p, r)
-    return START_ULPS * EPSILON / slowest if slowest > 0.0 else math.inf
-
-
-def _later(found: SpectralMotion, late: float) -> SpectralMotion:
-    """Count the rounding of the start as time."""
+    late = START_ULPS * EPSILON / slowest if slowest > 0.0 else math.inf
     return replace(found, bounds=replace(found.bounds, time=found.bounds.time + late))
 
 

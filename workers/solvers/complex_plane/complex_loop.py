@@ -210,11 +210,11 @@ class ComplexLoop:
             return _UNKNOWN, _UNKNOWN
         return -rate, -bend
 
-    def expanded_N(self, v: acb, *, analytic: bool) -> acb:
+    def expanded_N(self, v: acb) -> acb:
         """Return N on a wide ball, by Taylor's formula of order two about its centre."""
         centre = v.mid()
         middle = self.place(centre, analytic=False)
-        bend = self.slope_and_curvature(self.place(v, analytic=analytic), analytic=analytic)[1]
+        bend = self.slope_and_curvature(self.place(v, analytic=True), analytic=True)[1]
         offset = v - centre
         slope = self.slope(middle, analytic=False)
         return self.N(middle, analytic=False) + offset * (slope + bend * offset / 2)

@@ -163,18 +163,14 @@ def step_has_collapsed(step: float, longest: float, time: float) -> bool:
 
 
 def collapse(time: float, start_gradient: FloatArray, end_gradient: FloatArray) -> IntegrationError:
-    """Return what a collapsed step means, by how the potential's gradient has grown."""
-    # Their squares may be beyond doubles.
-    return collapse_by(time, math.hypot(*start_gradient.tolist()), math.hypot(*end_gradient.tolist()))
-
-
-def collapse_by(time: float, start: float, end: float, error: float = inf) -> IntegrationError:
-    """Return what a collapsed step means, by the sizes of the potential's gradient.
+    """Return what a collapsed step means, by how the potential's gradient has grown.
 
     One run alone does not know the error of a collision's time.
     """
+    # Their squares may be beyond doubles.
+    start, end = math.hypot(*start_gradient.tolist()), math.hypot(*end_gradient.tolist())
     if not end <= COLLISION_GRADIENT_GROWTH * start:
-        return CollisionError(time=time, error=error, start=start, end=end)
+        return CollisionError(time=time, error=inf, start=start, end=end)
     return StepCollapseError(
         f"the steps shrink to nothing at t = {time:.15g} while the potential's gradient stays at {end:.1e}: "
         "the potential is not smooth, or not defined, there; ask for times nearer to 0",

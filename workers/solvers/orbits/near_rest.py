@@ -17,7 +17,7 @@ value of P, which all but cancels there.
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from typing import Literal
@@ -241,7 +241,7 @@ def _on(arc: Arc, slow: Sequence[Slow]) -> list[Slow]:
     for each in slow:
         for turn in (-1, 0, 1):
             v = each.v + 2 * arb.pi() * turn
-            moved = Slow(v, each.reach, each.turns, each.zone, each.K, each.at)
+            moved = replace(each, v=v)
             if each.turns:
                 ends = [(arc.upper, v - each.reach), (arc.lower, v + each.reach)]
                 if not arc.is_whole_loop and any(abs(end - at) < each.reach / 4 for end, at in ends):
@@ -253,7 +253,7 @@ def _on(arc: Arc, slow: Sequence[Slow]) -> list[Slow]:
 
 def _rotation(places: Sequence[Slow]) -> tuple[LoopStretch, ...]:
     """Return the stretches of a whole turn, which begins half way between two near rests."""
-    around = [*places, Slow(places[0].v + 2 * arb.pi(), *_rest_of(places[0]))]
+    around = [*places, replace(places[0], v=places[0].v + 2 * arb.pi())]
     cuts = [((one.v + two.v) / 2).mid() for one, two in pairwise(around)]
     cuts.insert(0, cuts[-1] - 2 * arb.pi())
     return tuple(
@@ -261,13 +261,9 @@ def _rotation(places: Sequence[Slow]) -> tuple[LoopStretch, ...]:
     )
 
 
-def _rest_of(slow: Slow) -> tuple[arb, bool, arb, arb, LoopPoint]:
-    return slow.reach, slow.turns, slow.zone, slow.K, slow.at
-
-
 def _pass(slow: Slow, lower: arb, upper: arb) -> LoopStretch:
     stretch = LoopStretch("pass", 1, slow.v, slow, arb(0), arb(0))
-    return LoopStretch("pass", 1, slow.v, slow, stretch.phase(lower).mid(), stretch.phase(upper).mid())
+    return replace(stretch, first=stretch.phase(lower).mid(), last=stretch.phase(upper).mid())
 
 
 def _libration(arc: Arc, places: Sequence[Slow]) -> tuple[LoopStretch, ...]:
@@ -319,16 +315,7 @@ def _started(orbit: SlowOrbit, start: StartingPoint) -> SlowOrbit:
     else:
         u = 2.0 - u if start.direction < 0 else u
         corners = [*corners, *(2.0 - c for c in corners)]
-    return SlowOrbit(
-        orbit.loop,
-        orbit.stretches,
-        orbit.edges,
-        u,
-        tuple(corners),
-        orbit.direction,
-        orbit.is_even,
-        orbit.precision,
-    )
+    return replace(orbit, start=u, corners=tuple(corners))
 
 
 def _phase_of(orbit: SlowOrbit, v: arb) -> float:

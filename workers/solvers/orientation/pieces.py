@@ -25,6 +25,7 @@ from service.dynamics.solution.dense_output import (
     chebyshev_coefficients,
     chebyshev_points,
 )
+from workers.solvers.assembly.dense import integration_matrix
 
 MIN_DEGREE = 20
 """Smallest degree of the series; that of the motion's own if it is higher."""
@@ -123,8 +124,7 @@ class _Solver:
         self._points = chebyshev_points(degree)
         self._gap = np.pi / degree
         self._interpolation = chebyshev_coefficients(np.eye(degree + 1))
-        antiderivatives = chebyshev.chebint(self._interpolation, lbnd=-1, axis=0)
-        self._integration = chebyshev.chebvander(self._points, degree + 1) @ antiderivatives
+        self._integration = integration_matrix(degree)
 
     def solve(self, parent: NDArray[np.intp], low: FloatArray, high: FloatArray) -> Pieces:
         left, right = self._dense.breaks[parent], self._dense.breaks[parent + 1]

@@ -51,9 +51,9 @@ from service.dynamics.solution.dense_output import (
     Advance,
     DenseOutput,
     FloatArray,
-    chebyshev_coefficients,
     chebyshev_points,
 )
+from workers.solvers.assembly.dense import integration_matrix
 from workers.solvers.integration.interface import Run
 from workers.solvers.integration.run_pair import (
     DIFFERENCE_FACTOR,
@@ -302,7 +302,7 @@ def _along_the_curve(dense: DenseOutput, loop: Loop, place: PlaceError) -> Float
     # As parts of half a piece.
     late = place.late * 2.0 / np.diff(dense.breaks)[:, None]
     besides = place.moved / np.maximum(fastest, SLOWEST)
-    integration = _integration(2 * degree)
+    integration = integration_matrix(2 * degree)
     g1, g2, g3 = np.moveaxis(values[:, :, 3:6], -1, 0)
     off = _distances(loop, g1, g2, g3)
     A, C = (float(moment) for moment in ((loop.C, loop.A) if loop.mirrored else (loop.A, loop.C)))
@@ -360,13 +360,6 @@ def _distances(loop: Loop, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> Fl
     cosine = (g1 - steep * g3) / size
     distances: FloatArray = (np.abs(length) + np.abs(astray)) / np.sqrt(1.0 - cosine * cosine)
     return distances
-
-
-def _integration(degree: int) -> FloatArray:
-    """Return what integrates values at Chebyshev's points from -1 on, shape (degree + 1, degree + 1)."""
-    series = chebyshev.chebint(chebyshev_coefficients(np.eye(degree + 1)), lbnd=-1, axis=0)
-    integrals: FloatArray = chebyshev.chebvander(chebyshev_points(degree), degree + 1) @ series
-    return integrals
 
 
 def _defects(dense: DenseOutput, names: tuple[str, ...], advances: dict[str, Advance]) -> FloatArray:

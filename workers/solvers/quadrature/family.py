@@ -84,7 +84,7 @@ def solve_aperiodic(problem: Problem, window: Window, kind: AperiodicKind, start
     asked = float(np.abs(times).max(initial=0.0))
     flight = make_flight(start)
     past, future = (reach(flight, side, asked) for side in (-1, 1))
-    flight = flight.reaching(past.y, future.y)
+    flight = replace(flight, first=past.y, last=future.y)
     time_map = time_map_of(flight)
     origin = float(time_map.time_at(np.array([flight.start]))[0]) + float(flight.after_start)
     ends = _ends(flight, (past, future), time_map, origin)

@@ -114,10 +114,6 @@ class Flight:
         p = -self.direction * root
         return six_variables(self.loop, at, p * (y / 2).tanh() * self._length.sqrt() if self.has_rest else p)
 
-    def reaching(self, first: float, last: float) -> "Flight":
-        """Return the same motion over other phases."""
-        return replace(self, first=first, last=last)
-
     @property
     def _length(self) -> arb:
         return self.arc.upper - self.arc.lower

@@ -40,7 +40,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import inf, isfinite, log, nextafter, pi, sqrt
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from flint import acb, arb, arb_mat, ctx
@@ -63,7 +63,6 @@ SERIES_ROUNDING = 64.0 * EPSILON
 """More than those of PANEL_DEGREE coefficients of a series that is nearly constant, in parts of it."""
 
 
-@runtime_checkable
 class PhaseSpeed(Protocol):
     """Bounds of (dθ/dt)², and its limits."""
 
@@ -83,22 +82,23 @@ class PhaseSpeed(Protocol):
         ...
 
 
-class BranchedSpeed(Protocol):
-    """Bounds that are not the same function everywhere."""
+@dataclass(frozen=True, slots=True)
+class BranchedSpeed:
+    """Bounds that are those of other formulas on other stretches of u = θ/π."""
 
-    @property
-    def kinks(self) -> tuple[tuple[float, float], ...]:
-        """Return narrow stretches of u = θ/π that hold kinks."""
-        ...
+    parts: tuple[tuple[float, float, PhaseSpeed], ...]
+    """Where each stretch begins and ends, in order, and the bounds on it."""
+    kinks: tuple[tuple[float, float], ...]
+    """The stretches that hold kinks, which are narrow."""
 
     @property
     def edges(self) -> tuple[float, ...]:
         """Return the u at which one function ends and another begins."""
-        ...
+        return (*(left for left, _, _ in self.parts), self.parts[-1][1])
 
     def on(self, left: float, right: float) -> PhaseSpeed:
         """Return the bounds for a stretch of u between two edges."""
-        ...
+        return next(speed for begin, end, speed in self.parts if begin <= left and right <= end)
 
 
 class _Trial(NamedTuple):

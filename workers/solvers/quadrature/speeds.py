@@ -16,7 +16,7 @@ By Taylor's formula that is closer on small rectangles next to the zeros of P, t
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, Generic, Protocol, TypeVar  # Any: a question is answered in every algebra
+from typing import Any, Generic, TypeVar  # Any: a question is answered in every algebra
 
 from flint import acb, arb
 
@@ -35,7 +35,6 @@ from workers.solvers.complex_plane.complex_loop import (
 )
 from workers.solvers.orbits.orbit import Libration, Rotation
 from workers.solvers.quadrature.flight import Flight
-from workers.solvers.quadrature.panel import PhaseSpeed
 
 T = TypeVar("T")
 Place = TypeVar("Place", arb, acb)
@@ -88,7 +87,7 @@ class ComplexRadicand:
             return UNKNOWN
         loop, at = curve.loop, curve.place(v, analytic=True)
         if is_close:
-            return abs(at.c_squared * curve.W(at) * curve.expanded_N(v, analytic=True)).upper()
+            return abs(at.c_squared * curve.W(at) * curve.expanded_N(v)).upper()
         found = abs(at.c_squared * _turned(curve, at)) * abs(ball(loop.factor)) * loop.Z / loop.G
         if curve.side:
             return (found / abs(at.power)).upper()
@@ -218,19 +217,6 @@ class _EvenAlgebra(Generic[T]):
             half = exponent / 2
             return self._square if half == 1 else self._base.power(self._square, half)
         return self._base.power(base, exponent)
-
-
-class Speed(PhaseSpeed, Protocol):
-    """The bounds along an orbit or a flight for one formula."""
-
-    @property
-    def radicand(self) -> ComplexRadicand:
-        """P along the loop, at complex places."""
-        ...
-
-    def place(self, theta: arb) -> arb:
-        """Return v."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -366,6 +352,10 @@ class FlightSpeed:
         lower, length = flight.arc.lower, flight.arc.upper - flight.arc.lower
         is_low = abs(above.mid()) < abs(below.mid())
         return lower + length * above if is_low else flight.arc.upper - length * below
+
+
+Speed = LibrationSpeed | RotationSpeed | FlightSpeed
+"""The bounds along an orbit or a flight for one formula, each a :class:`.panel.PhaseSpeed`."""
 
 
 def _largest(bounds: Iterable[arb]) -> arb:

@@ -252,28 +252,10 @@ def phase_speed(orbit: Libration | Rotation | Flight) -> PhaseSpeed | BranchedSp
     found = branches(tape, places, orbit.corners, 1.0 if orbit.is_even else 2.0)
     if len(found) == 1:
         return whole if found[0].tape == tape else along(found[0].tape)
-    return _Branched(tuple((branch, along(branch.tape)) for branch in found))
-
-
-@dataclass(frozen=True, slots=True)
-class _Branched:
-    """Bounds that are those of other formulas on other stretches."""
-
-    parts: tuple[tuple[Branch, Speed], ...]
-
-    @property
-    def kinks(self) -> tuple[tuple[float, float], ...]:
-        """See BranchedSpeed.kinks."""
-        return tuple((branch.left, branch.right) for branch, _ in self.parts if branch.is_kink)
-
-    @property
-    def edges(self) -> tuple[float, ...]:
-        """See BranchedSpeed.edges."""
-        return (*(branch.left for branch, _ in self.parts), self.parts[-1][0].right)
-
-    def on(self, left: float, right: float) -> PhaseSpeed:
-        """See BranchedSpeed.on."""
-        return next(speed for branch, speed in self.parts if branch.left <= left and right <= branch.right)
+    return BranchedSpeed(
+        tuple((branch.left, branch.right, along(branch.tape)) for branch in found),
+        tuple((branch.left, branch.right) for branch in found if branch.is_kink),
+    )
 
 
 def _poles(orbit: Libration | Flight) -> list[int]:

@@ -106,19 +106,19 @@ def make_time_map(
         The rate is not known to a double's precision.
     """
     end = 1.0 if is_even else 2.0
-    kinks = () if speed is None or isinstance(speed, PhaseSpeed) else speed.kinks
+    kinks = speed.kinks if isinstance(speed, BranchedSpeed) else ()
     starts = {0.0, end, *np.linspace(0.0, end, 3).tolist(), *(c for c in corners if 0.0 < c < end)}
     for left, right in kinks:
         # A stretch that holds a kink is one panel, however the others are cut.
         starts = {u for u in starts if not left < u < right}
-    if speed is not None and not isinstance(speed, PhaseSpeed):
+    if isinstance(speed, BranchedSpeed):
         starts.update(speed.edges)
     waiting = list(pairwise(sorted(starts)))[::-1]
     done: list[Panel] = []
     scale, nodes = 0.0, 0
     while waiting:
         left, right = waiting.pop()
-        on_panel = speed if speed is None or isinstance(speed, PhaseSpeed) else speed.on(left, right)
+        on_panel = speed.on(left, right) if isinstance(speed, BranchedSpeed) else speed
         panel = _panel(rate, on_panel, left, right)
         if panel is not None:
             nodes += panel.nodes

@@ -216,7 +216,7 @@ def assess(monodromy: Monodromy, speed: float, period: Period, tolerance: float)
 
 def of_trace(trace: float, error: float, period: Period, horizon: float | None) -> Stability:
     """Return what a trace with this error tells, beside the trusted time ``horizon``."""
-    low, here, high = (_exponent(trace_size, period) for trace_size in _sizes(trace, error))
+    low, here, high = (_exponent(abs(trace) + by, period) for by in (-error, 0.0, error))
     return Stability(
         trace=trace,
         error=error,
@@ -260,10 +260,6 @@ def _multipliers_error(trace: float, error: float) -> float:
     change = error * (2.0 * abs(trace) + error)
     root = math.sqrt(change) if change >= square else change / math.sqrt(square)
     return 0.5 * (error + root) + 2.0 * EPSILON * max(1.0, abs(trace))
-
-
-def _sizes(trace: float, error: float) -> tuple[float, float, float]:
-    return abs(trace) - error, abs(trace), abs(trace) + error
 
 
 def _exponent(size: float, period: Period) -> float:

@@ -10,7 +10,7 @@ from flint import arb, ctx
 from service.dynamics.motion import Motion
 from service.dynamics.problem import Accuracy, PlanarMotion, Problem
 from tests.support.planar import body, planar
-from workers.solvers.assembly.families import NOT_MINE, Declined, Place, periodic_place
+from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place
 from workers.solvers.certified.certify import certify
 from workers.solvers.certified.family import WayFamily
 from workers.solvers.certified.time_model import CertifiedUnavailableError, TimeModel
@@ -38,7 +38,7 @@ PASSING = {
 
 def solved(problem: Problem, family: WayFamily | QuadratureFamily) -> Motion | Declined:
     def solve(problem: Problem, found: Place) -> Motion | Declined:
-        place = periodic_place(found)
+        place = PeriodicPlace(found.window, found.start)
         return family.solve(problem, place) if family.takes(problem, place) else NOT_MINE
 
     return with_enough_bits(problem, solve)

@@ -13,7 +13,7 @@ from workers.solvers.compiled.evaluation.program import make_program
 from workers.solvers.compiled.frame import make_frame
 from workers.solvers.compiled.motion import Bounds
 from workers.solvers.compiled.records import ARC, CUT, FOUND, LOOP, PANEL
-from workers.solvers.compiled.solve import Batch, solve_batch
+from workers.solvers.compiled.solve import Batch, bounds_of, solve_batch
 from workers.solvers.compiled.workspace import DISC_WORKSPACE, MOMENTS, PLACES
 
 TIMES = np.linspace(-3.0, 8.0, 57)
@@ -57,16 +57,22 @@ def test_columns_are_those_of_all_six(batch):
     assert np.array_equal(part.samples, whole.samples[:, :, chosen], equal_nan=True)
 
 
-def test_errors_grow_with_time_and_are_infinite_where_nothing_is_decided(batch):
+def test_nothing_is_decided_where_v_has_no_value(batch):
     # A square root of −1 is nowhere a number.
     program, constants = make_program(formula("g3*(g1^2-2)^(1/2)", body(2, 1)).tape)
     run = solve_batch(replace(batch, program=program, constants=np.repeat(constants[None, :], 4, axis=0)))
     assert (run.found["panels"] == 0).all()
     assert np.isnan(run.samples).all()
-    assert np.isinf(run.errors_at(1.0)).all()
-    found = solve_batch(batch)
-    decided = found.found["panels"] > 0
-    assert (found.errors_at(1e6)[decided] > found.errors_at(1.0)[decided]).all()
+
+
+def test_errors_grow_with_time(batch):
+    found = solve_batch(batch).found
+    decided = found[found["panels"] > 0]
+    early, late = (
+        bounds_of(decided).error_at(time, decided["period"], decided["period_error"]) for time in (1.0, 1e6)
+    )
+    assert len(decided)
+    assert (late > early).all()
 
 
 def test_bounds_are_added_up():

@@ -28,7 +28,7 @@ from workers.solvers.compiled.solve_set import new_formula
 from workers.solvers.compiled.workspace import LANES
 
 BODY = body(3, 1)
-OWN_LOOPS = {"general/series.py": "every order of a series needs the lower ones"}
+OWN_LOOPS = {"general/steps.py": "every order of a series needs the lower ones"}
 """Other kernels that read instructions, and why they do."""
 FORMULAS = [
     "-g1",

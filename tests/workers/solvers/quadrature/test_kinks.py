@@ -17,8 +17,8 @@ from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula
 from workers.solvers.orbits.orbit import make_orbit
+from workers.solvers.quadrature.panel import BranchedSpeed
 from workers.solvers.quadrature.squared_speed import (
-    _Branched,
     branches,
     phase_speed,
     time_map_of,
@@ -48,14 +48,14 @@ def test_periods_are_those_without_the_cuts(text: str) -> None:
     with ctx.workprec(160):
         orbit = orbit_of(f"-g1 + (2*g1^2+g3^2)*({text})")
         speed = phase_speed(orbit)
-        assert isinstance(speed, _Branched)
+        assert isinstance(speed, BranchedSpeed)
         # V itself on all of the way, kinks and all.
         whole = replace(
-            speed.parts[0][1],
+            speed.parts[0][2],
             radicand=replace(
-                speed.parts[0][1].radicand,
+                speed.parts[0][2].radicand,
                 **{
-                    side: replace(getattr(speed.parts[0][1].radicand, side), tape=orbit.loop.potential.tape)
+                    side: replace(getattr(speed.parts[0][2].radicand, side), tape=orbit.loop.potential.tape)
                     for side in ("northern", "southern", "both")
                 },
             ),
