@@ -22,8 +22,8 @@ from tests.support.effort import examples, seldom
 from tests.support.planar import body, formula
 from tests.support.taylor import Equations, integrate, state_at
 from workers.solvers.certified.certify import certify, is_narrow
-from workers.solvers.certified.validated.curves import StepCurves, StepTooLongError, size
 from workers.solvers.certified.validated.enclose import Enclosure, enclose
+from workers.solvers.certified.validated.step import StepCurves, StepTooLongError, size
 from workers.solvers.certified.validated.system import EulerPoisson, record
 from workers.solvers.errors import CertifiedUnavailableError
 

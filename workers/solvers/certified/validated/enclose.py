@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.solution.ball_columns import exact_middle
 from workers.solvers.certified.certify import ALLOWED_BITS, HIGHEST_PRECISION, is_narrow
-from workers.solvers.certified.validated.curves import StepTooLongError
 from workers.solvers.certified.validated.step import (
     ROUND_UP,
     SUM_ROUNDING,
     UNDERFLOW,
     ProvenStep,
+    StepTooLongError,
     prove,
     rounded_length,
     taylor,

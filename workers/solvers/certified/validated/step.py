@@ -1,7 +1,14 @@
 r"""One proven step: where the motion from an exact point is, and how its neighbours move beside it.
 
+A :data:`Curve` encloses a function f of τ ∈ [0, 1] pointwise: at every τ the ball Σ c_k τ^k contains f(τ).
+What is known of f only up to a bound is in the radius of c_0, so sums and products of polynomials enclose
+those of functions, and terms of high degree are folded into that radius. A division, a root or a
+function is guessed as a truncated series, exact numbers, and the guess is held against its equation: the
+residual, a polynomial again, bounds its error on the whole step (the Taylor models of Makino and Berz, in one
+variable). So the length of a step is limited by the convergence of series, not by the width of a box.
+
 A polynomial P of high order is computed from the point, P(0), and taken as it is: exact numbers. Its defect
-d = P' − f(P) is bounded on the whole step by curves (:mod:`.curves`), and so is the Jacobian J of f in a tube
+d = P' − f(P) is bounded on the whole step by curves, and so is the Jacobian J of f in a tube
 about P. With |J| ≤ K, number by number, a motion that starts within r of P(0) stays within
 
 .. math:: e^{hK} r + h\,\varphi_1(hK)\,|d|, \qquad \varphi_1(z) = (e^z - 1)/z,
@@ -13,20 +20,20 @@ flow on the whole tube; only this multiplies the errors of earlier steps (Lohner
 rounded upwards, in units of 2^−precision, so that no precision underflows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
-from flint import arb, arb_poly, ctx
+from flint import arb, arb_poly, arb_series, ctx
 from numpy.typing import NDArray
 
-from service.dynamics.formula.algebras.ball import ball
-from workers.solvers.certified.validated.curves import Curve, StepCurves, StepTooLongError, grow, size
-from workers.solvers.certified.validated.system import Recorded
+from service.dynamics.formula.algebras.ball import ball, series_of
+from workers.solvers.certified.validated.system import Recorded, grow
 
 FloatArray = NDArray[np.float64]
-
+Curve = arb_poly
+"""See the chapter's beginning."""
 FLOW_DEGREE = 24
 """Degree in time of the derivative of the flow: it has all digits of doubles where series fall like 4^−k."""
 FLOW_BITS = 64
@@ -41,6 +48,163 @@ TUBE_WIDENING = 2.0**8
 """The tube is so many times wider than what enters it."""
 UNDERFLOW = 1e-300
 """Added to what may have underflown."""
+
+
+class StepTooLongError(ArithmeticError):
+    """The proof fails on this step; a shorter one may have it. Not for clients."""
+
+
+def whole(curve: Curve) -> arb:
+    """Return a ball that contains the curve for all |τ| ≤ 1."""
+    return curve(arb(0, 1))
+
+
+def size(curve: Curve) -> arb:
+    """Return an upper bound of |curve| for |τ| ≤ 1."""
+    bound = arb(whole(curve).abs_upper())
+    if not bound.is_finite():
+        raise StepTooLongError("a function is not bounded")
+    return bound
+
+
+def middles(series: arb_series | Curve) -> Curve:
+    """Return the polynomial of the midpoints, which is exact."""
+    return arb_poly([coefficient.mid() for coefficient in series.coeffs()])
+
+
+class StepCurves:
+    """StepCurves of degree ``degree``, and twice that between two operations; an Algebra.
+
+    Raises
+    ------
+    StepTooLongError
+        A denominator, a root's or a logarithm's argument or the argument of |x| may vanish in the step.
+    """
+
+    def __init__(self, degree: int) -> None:
+        self._degree = degree
+        self._inverses: dict[int, tuple[Curve, Curve]] = {}
+
+    def constant(self, value: Fraction) -> Curve:
+        """Return an exact number."""
+        return arb_poly([ball(value)])
+
+    def pi(self) -> Curve:
+        """Return π."""
+        return arb_poly([arb.pi()])
+
+    def add(self, left: Curve, right: Curve) -> Curve:
+        """Return left + right."""
+        return left + right
+
+    def subtract(self, left: Curve, right: Curve) -> Curve:
+        """Return left - right."""
+        return left - right
+
+    def negate(self, operand: Curve) -> Curve:
+        """Return -operand."""
+        return -operand
+
+    def multiply(self, left: Curve, right: Curve) -> Curve:
+        """Return left · right."""
+        product = left * right
+        return product if product.length() <= 2 * self._degree + 1 else self.cut(product)
+
+    def divide(self, left: Curve, right: Curve) -> Curve:
+        """Return left / right."""
+        return self.multiply(left, self._inverse(right))
+
+    def power(self, base: Curve, exponent: Fraction) -> Curve:
+        """Return base^exponent, which is ±1/2 or no multiple of it; the base is positive in the step."""
+        if exponent.denominator > 2:
+            return self._exp(self.multiply(self.constant(exponent), self._log(base)))
+        root = self._inverse_root(base)
+        return root if exponent < 0 else self.multiply(base, root)
+
+    def general_power(self, base: Curve, exponent: Curve) -> Curve:
+        """Return exp(exponent · log(base))."""
+        return self._exp(self.multiply(exponent, self._log(base)))
+
+    def call(self, name: str, argument: Curve) -> Curve:
+        """Return the function of the curve."""
+        if name == "exp":
+            return self._exp(argument)
+        if name == "log":
+            return self._log(argument)
+        if name in ("abs", "sign"):
+            sign = whole(argument).sgn()
+            if not sign.is_exact() or sign == 0:
+                raise StepTooLongError("the argument of |x| may vanish")
+            return argument * sign if name == "abs" else arb_poly([sign])
+        sine, cosine = self._turned(argument)
+        return sine if name == "sin" else cosine
+
+    def cut(self, curve: Curve) -> Curve:
+        """Return an enclosure of the curve of degree ``degree``."""
+        rest = size(curve.right_shift(self._degree + 1))
+        return curve.truncate(self._degree + 1) + arb(0, rest)
+
+    def _guess(self, function: Callable[[arb_series], arb_series], curve: Curve) -> Curve:
+        with series_of(self._degree + 1):
+            return middles(function(arb_series(curve, self._degree + 1)))
+
+    def _inverse(self, curve: Curve) -> Curve:
+        """Return 1/curve: W/(1 − e) with the guess W and e = 1 − W·curve."""
+        found = self._inverses.get(id(curve))
+        if found is None:
+            guess = self._guess(lambda series: 1 / series, curve)
+            inverse = guess * (1 / _below_one(size(1 - guess * curve), "a denominator may vanish"))
+            # The curve is in it so that no other gets its identity.
+            found = self._inverses[id(curve)] = curve, inverse
+        return found[1]
+
+    def _inverse_root(self, curve: Curve) -> Curve:
+        """Return curve^(−1/2): W (1 − e)^(−1/2) with the guess W and e = 1 − W²·curve; W has no zero then."""
+        guess = self._guess(arb_series.rsqrt, curve)
+        residual = 1 - self.multiply(guess, self.multiply(guess, curve))
+        return guess * _below_one(size(residual), "the argument of a root may vanish").rsqrt()
+
+    def _exp(self, curve: Curve) -> Curve:
+        """Return exp u = exp U · exp(u − U), U being the midpoints: (E exp(−U))' = (E' − U' E) exp(−U)."""
+        centre = middles(curve)
+        guess = self._guess(arb_series.exp, centre)
+        residual = size(guess.derivative() - centre.derivative() * guess)
+        drift = arb(0, (residual * (-whole(centre)).exp()).abs_upper())
+        ratio = guess(arb(0)) * (-centre(arb(0))).exp() + drift
+        if not ratio > 0:
+            raise StepTooLongError("the series of exp does not converge")
+        return guess * (arb(0, size(curve - centre)).exp() / ratio)
+
+    def _log(self, curve: Curve) -> Curve:
+        """Return log u = log U + log(1 + (u − U)/U): (L − log U)' = (U L' − U')/U."""
+        centre = middles(curve)
+        least = arb(whole(centre).lower())
+        if not least > 0:
+            raise StepTooLongError("the argument of a logarithm may vanish")
+        guess = self._guess(arb_series.log, centre)
+        residual = size(centre * guess.derivative() - centre.derivative())
+        error = guess(arb(0)) - centre(arb(0)).log() + arb(0, (residual / least).abs_upper())
+        rest = arb(0, (size(curve - centre) / least).abs_upper())
+        return guess - (error - (1 + rest).log())
+
+    def _turned(self, curve: Curve) -> tuple[Curve, Curve]:
+        """Return sin u and cos u: w = C + iS has (w exp(−iU))' = (w' − iU'w) exp(−iU)."""
+        centre = middles(curve)
+        sine = self._guess(arb_series.sin, centre)
+        cosine = self._guess(arb_series.cos, centre)
+        slope = centre.derivative()
+        drift = size(cosine.derivative() + slope * sine) + size(sine.derivative() - slope * cosine)
+        at = centre(arb(0))
+        start = abs(sine(arb(0)) - at.sin()) + abs(cosine(arb(0)) - at.cos())
+        error = arb(0, (drift + start + size(curve - centre)).abs_upper())
+        return sine + error, cosine + error
+
+
+def _below_one(residual: arb, fault: str) -> arb:
+    """Return the ball of 1 − e, |e| ≤ residual, which must not contain 0."""
+    if not residual < 1:
+        raise StepTooLongError(fault)
+    return 1 - arb(0, residual)
 
 
 @dataclass(frozen=True, slots=True)

