@@ -20,8 +20,14 @@ from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF
 from workers.solvers.compiled.evaluation.program import Program, make_program, numbers_of
-from workers.solvers.compiled.general.many import solve_pair, solve_pairs
-from workers.solvers.compiled.general.run_pair import COLLIDED, NUMBERS, OPEN, VERIFIED
+from workers.solvers.compiled.general.run_pair import (
+    COLLIDED,
+    NUMBERS,
+    OPEN,
+    VERIFIED,
+    solve_pair,
+    solve_pairs,
+)
 from workers.solvers.compiled.general.sampling import TIMES_TOGETHER, values_at
 from workers.solvers.compiled.general.steps import (
     ARRIVED,

@@ -114,7 +114,20 @@ def integrate_state(
             raise pair.ending
         error = float(pair.error_estimate(body, potential, check).max())
         if is_within(error, tolerance):
-            found = _motion(pair, body, potential, times, check, chosen.name, error)
+            found = _motion(
+                replace(pair.fine, error=error),
+                times,
+                pair.fine(times),
+                _energy(pair, body, potential, check),
+                {
+                    "integrator": chosen.name,
+                    "steps": pair.steps,
+                    LOCAL_TOLERANCE: pair.local_tolerance,
+                    "difference_of_runs": float(pair.difference(check).max()),
+                    RESIDUAL: float(pair.residual.max()),
+                    GROWTH: float(pair.growth.max()),
+                },
+            )
             found = with_claim_raised(body, potential, found)
             if is_within(found.error, tolerance):
                 return replace(found, samples=pair.fine(times, low_parts), low_parts=low_parts)
@@ -213,23 +226,12 @@ def _verified_motion(
 ) -> Motion:
     from workers.solvers.integration.compiled import samples_of  # noqa: PLC0415
 
-    return Motion(
-        method="integration",
-        dense=DenseOutput(COLUMNS, verified.breaks, verified.coefficients, None, verified.error),
-        times=times,
-        samples=samples_of(verified, times, low_parts),
-        low_parts=low_parts,
-        error=verified.error,
-        samples_kind="difference",
-        function_kind="difference",
-        energy=Estimate(verified.energy, verified.energy_error, "estimate"),
-        window=None,
-        aperiodic=None,
-        past=None,
-        future=None,
-        cross_check=None,
-        conventions=(),
-        evidence={
+    motion = _motion(
+        DenseOutput(COLUMNS, verified.breaks, verified.coefficients, None, verified.error),
+        times,
+        samples_of(verified, times, low_parts),
+        Estimate(verified.energy, verified.energy_error, "estimate"),
+        {
             "integrator": "taylor",
             "steps": len(verified.breaks) - 1,
             LOCAL_TOLERANCE: local_tolerance,
@@ -240,40 +242,32 @@ def _verified_motion(
             COVERED: 1.0,
         },
     )
+    return replace(motion, low_parts=low_parts)
 
 
 def _motion(
-    pair: RunPair,
-    body: RigidBody,
-    potential: Potential,
+    dense: DenseOutput,
     times: FloatArray,
-    check: FloatArray,
-    name: str,
-    error: float,
+    samples: FloatArray,
+    energy: Estimate,
+    evidence: dict[str, float | int | str],
 ) -> Motion:
     return Motion(
         method="integration",
-        dense=replace(pair.fine, error=error),
+        dense=dense,
         times=times,
-        samples=pair.fine(times),
-        error=error,
+        samples=samples,
+        error=dense.error,
         samples_kind="difference",
         function_kind="difference",
-        energy=_energy(pair, body, potential, check),
+        energy=energy,
         window=None,
         aperiodic=None,
         past=None,
         future=None,
         cross_check=None,
         conventions=(),
-        evidence={
-            "integrator": name,
-            "steps": pair.steps,
-            LOCAL_TOLERANCE: pair.local_tolerance,
-            "difference_of_runs": float(pair.difference(check).max()),
-            RESIDUAL: float(pair.residual.max()),
-            GROWTH: float(pair.growth.max()),
-        },
+        evidence=evidence,
     )
 
 

@@ -14,8 +14,7 @@ from service.dynamics.solution.dense_output import DenseOutput
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.evaluation.program import numbers_of
-from workers.solvers.compiled.general.many import solve_pair
-from workers.solvers.compiled.general.run_pair import COLLIDED, INACCURATE, OPEN, VERIFIED
+from workers.solvers.compiled.general.run_pair import COLLIDED, INACCURATE, OPEN, VERIFIED, solve_pair
 from workers.solvers.compiled.general.sampling import new_values_at
 from workers.solvers.compiled.general.steps import ARRIVED, COUNT, FAILED, ORDER, STATE, TIRED, take_series
 from workers.solvers.compiled.kernels import kernel

@@ -7,6 +7,7 @@ common; whole powers are products in each of them.
 """
 
 import math
+import operator
 from collections.abc import Callable
 from typing import Final, Generic, NamedTuple, TypeVar
 
@@ -304,28 +305,10 @@ def _put(registers: FloatArray, n: int, m: int, x: float) -> None:
     registers[0, n, m] = x
 
 
-@inlined
-def _add(x: float, y: float) -> float:
-    return x + y
-
-
-@inlined
-def _multiply(x: float, y: float) -> float:
-    return x * y
-
-
-@inlined
-def _divide(x: float, y: float) -> float:
-    return x / y
-
-
-@inlined
-def _negate(x: float) -> float:
-    return -x
-
-
 run_double = interpreter_of(
-    CompiledArithmetic(_get, _put, double_of, _add, _multiply, _divide, _negate, power, call),
+    CompiledArithmetic(
+        _get, _put, double_of, operator.add, operator.mul, operator.truediv, operator.neg, power, call
+    ),
     __name__,
     "run_double",
 )
