@@ -78,7 +78,7 @@ def jacobian_monodromy(
     inertia = np.array([float(body.A), float(body.require_B("stability")), float(body.C)])
     orbit = make_orbit(start)
     system = VariationalSystem(inertia, potential, orbit, 2.0 * np.pi / period.hi)
-    found = turn_monodromy(system, orbit)
+    found = turn_monodromy(system.matrix, orbit)
     return replace(found, matrix=system.units[:, None] * found.matrix / system.units)
 
 

@@ -67,8 +67,7 @@ class EllipticMotion:
     @property
     def energy(self) -> arb:
         """Return h."""
-        terms, nu = self.interval.curve.terms, self.interval.curve.nu
-        return ball(terms.constant - terms.c1) - ball(terms.a1) * nu / 2 - 2 * ball(terms.b1) / (nu * nu)
+        return self.interval.curve.energy
 
     def states(self, times: Sequence[arb]) -> tuple[tuple[arb, ...], ...]:
         """Return (p, q, r, g1, g2, g3) in the client's axes."""

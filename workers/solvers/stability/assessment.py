@@ -149,7 +149,7 @@ def hill_monodromy(
     B = ball(body.require_B("stability"))
     frequency = 2 * arb.pi() / (arb(period.hi) + arb(period.lo))
     system = HillSystem(ball(body.A), B, ball(body.C), potential, orbit, frequency)
-    return turn_monodromy(system, orbit)
+    return turn_monodromy(system.matrix, orbit)
 
 
 Verdict = Literal["stable", "unstable", "marginal"]

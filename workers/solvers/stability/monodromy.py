@@ -32,7 +32,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import accumulate, pairwise
 from math import isqrt
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from flint import acb, arb, ctx
@@ -50,6 +50,8 @@ from workers.solvers.three_terms import incomplete_first_kind
 
 FloatArray = NDArray[np.float64]
 Stability = Literal["stable", "unstable", "edge"]
+MatrixAt = Callable[[arb], FloatArray]
+"""Returns A(θ) of a linear system dy/dθ = A(θ) y with tr A = 0, shape (N, N)."""
 STAGES = 16
 
 
@@ -99,14 +101,6 @@ class StabilityUndefinedError(DynamicsError):
     code = "stability_undefined"
 
 
-class LinearSystem(Protocol):
-    """dy/dθ = A(θ) y with tr A = 0, A being given at single phases."""
-
-    def matrix(self, theta: arb) -> FloatArray:
-        """Return A(θ), shape (N, N)."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class Monodromy:
     """The propagator over one turn, from θ = 0."""
@@ -143,8 +137,8 @@ class _Panel:
         )
 
 
-def turn_monodromy(system: LinearSystem, orbit: Libration | Rotation) -> Monodromy:
-    """Return the monodromy of ``system`` over one turn of ``orbit``, at the current precision.
+def turn_monodromy(matrix_at: MatrixAt, orbit: Libration | Rotation) -> Monodromy:
+    """Return the monodromy of a system over one turn of ``orbit``, at the current precision.
 
     Raises
     ------
@@ -157,13 +151,13 @@ def turn_monodromy(system: LinearSystem, orbit: Libration | Rotation) -> Monodro
     WindowBlockedError
         p² is negative on the way.
     """
-    _require_integrable(system, orbit)
+    _require_integrable(matrix_at, orbit)
     rule = gauss_collocation()
-    waiting = _cross(system, _first_spans(orbit), rule)
+    waiting = _cross(matrix_at, _first_spans(orbit), rule)
     nodes = STAGES * len(waiting)
     done: list[_Panel] = []
     while waiting:
-        halves = _cross(system, [span for panel in waiting for span in _halved(panel)], rule)
+        halves = _cross(matrix_at, [span for panel in waiting for span in _halved(panel)], rule)
         nodes += STAGES * len(halves)
         following: list[_Panel] = []
         for whole, first, second in zip(waiting, halves[::2], halves[1::2], strict=True):
@@ -186,12 +180,12 @@ def _first_spans(orbit: Libration | Rotation) -> list[tuple[float, float]]:
     return list(pairwise(sorted({*np.linspace(0.0, 2.0, 5).tolist(), *orbit.corners, *edges})))
 
 
-def _require_integrable(system: LinearSystem, orbit: Libration | Rotation) -> None:
+def _require_integrable(matrix_at: MatrixAt, orbit: Libration | Rotation) -> None:
     """Raise StabilityUndefinedError where |A| times the distance from a pole does not fall towards it."""
     for corner in orbit.corners:
         for side in (-1, 1):
             far, near = (
-                _norm(system.matrix(arb.pi() * corner + side * distance)) * float(distance)
+                _norm(matrix_at(arb.pi() * corner + side * distance)) * float(distance)
                 for distance in POLE_PHASE_DISTANCES
             )
             if not near < 0.5 * far:
@@ -207,16 +201,16 @@ def _halved(panel: _Panel) -> tuple[tuple[float, float], tuple[float, float]]:
     return (panel.left, middle), (middle, panel.right)
 
 
-def _cross(system: LinearSystem, spans: list[tuple[float, float]], rule: Collocation) -> list[_Panel]:
-    rates = np.array([_rates(system, left, right, rule.stages) for left, right in spans])
+def _cross(matrix_at: MatrixAt, spans: list[tuple[float, float]], rule: Collocation) -> list[_Panel]:
+    rates = np.array([_rates(matrix_at, left, right, rule.stages) for left, right in spans])
     propagators = rule.propagators(rates)
     return [_Panel(left, right, found) for (left, right), found in zip(spans, propagators, strict=True)]
 
 
-def _rates(system: LinearSystem, left: float, right: float, stages: FloatArray) -> FloatArray:
+def _rates(matrix_at: MatrixAt, left: float, right: float, stages: FloatArray) -> FloatArray:
     """Return dy/dx / y at the stages of a panel that is mapped onto −1 ≤ x ≤ 1."""
     middle, half = (arb(left) + arb(right)) / 2, (arb(right) - arb(left)) / 2
-    values = [system.matrix(arb.pi() * (middle + half * arb(float(x)))) for x in stages]
+    values = [matrix_at(arb.pi() * (middle + half * arb(float(x)))) for x in stages]
     return np.pi * float(half) * np.array(values)
 
 
