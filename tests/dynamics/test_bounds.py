@@ -24,9 +24,9 @@ HARMLESS: dict[str, str] = {
     "angular_part/field.py: tail > TAIL_RELATIVE_SIZE * largest": "the integral itself stays NaN then",
     "atlas/bands.py: change < error": "a sum that is NaN is no improvement, and is not taken",
     "general/steps.py: tail > INVISIBLE_SHARE * top": "a run ends before a step whose series is not finite",
-    "integrals/drifts.py: departure <= drift": "what is not known makes the drift NaN, and so it stays",
+    "compiled/integrals.py: departure <= drift": "what is not known makes the drift NaN, and so it stays",
     "integration/run_pair.py: run.reached > 0.0": "a time, whose sign is asked",
-    "integration/followed.py: run.reached > 0.0": "the same",
+    "integration/interface.py: run.reached > 0.0": "the same",
     "solvers/errors.py: period.error >= 0.0": "its sign is asked, before it is held against the tolerance",
     "stability/assessment.py: change >= square": "either branch carries NaN on",
     "time_map/panels.py: tail > 0.25 * before": "series with NaN were left undecided before",
@@ -40,8 +40,8 @@ HARMLESS_MAXIMA: dict[str, str] = {
     "general/run_pair.py: max(defect, by_defect)": "of runs that hold, which those with NaN do not",
     "general/run_pair.py: max(drift, by_drift)": "the same",
     "residual/residual.py: max(drift, far, astray, long)": "the same",
-    "time_map/pieces.py: max(departure, abs(value - states[NODES + j, a]))": "of states that are finite",
-    "time_map/pieces.py: max(departure, far)": _RETURNED,
+    "compiled/motion.py: max(departure, abs(value - states[NODES + j, a]))": "of states that are finite",
+    "compiled/motion.py: max(departure, far)": _RETURNED,
 }
 SOURCES = [
     *Path(service.__file__).parent.joinpath("dynamics").rglob("*.py"),

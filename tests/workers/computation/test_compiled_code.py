@@ -195,7 +195,7 @@ def test_all_functions_that_kernels_are_made_of_are_part_of_their_address(module
 
 
 def test_a_change_of_one_module_changes_the_address_of_what_depends_on_it_only(tmp_path, clone):
-    changed = f"{PACKAGE}.general.series"
+    changed = f"{PACKAGE}.general.steps"
     names = modules()
     before = json.loads(run(STAMPS, *names, folder=tmp_path, root=clone))
     assert before == {name: stamp(name) for name in names}
