@@ -11,7 +11,7 @@ the panels are summed in balls, so the period has more digits than a double.
 What is a theorem: every panel has a bound of its error, from the bounds of :mod:`.squared_speed` on an
 ellipse, or, where V is not analytic (a jump, a pole that is passed without smoothness), from an
 enclosure of the rate on the whole of a panel that is so short that this suffices. At kinks panels end
-(:mod:`.kinks`), and one as short as the roundings of u has each of them in it.
+(:mod:`.squared_speed`), and one as short as the roundings of u has each of them in it.
 
 What is not: without a formula of V (the family of integrals), or without bounds, panels are judged by
 the decay of their series and by half of their nodes. A panel at a place of which nothing is enclosed
