@@ -195,7 +195,7 @@ def plan_varying(sweep: Sweep) -> "VaryingPlan | None":
         return None
     # The compiler is loaded only where it is needed.
     from workers.sweeping.varying_body.block import VaryingPlan  # noqa: PLC0415
-    from workers.sweeping.varying_body.models import model_of  # noqa: PLC0415
+    from workers.sweeping.parameters.models import model_of  # noqa: PLC0415
 
     axes = tuple(k for k, axis in enumerate(sweep.axes) if axis.varies == "potential")
     paths = tuple(sweep.axes[k].path[1:] for k in axes)

@@ -41,8 +41,8 @@ from workers.solvers.integration.solve import run_request_of, tolerances
 from workers.sweeping.parameters.family import has_symbol
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.planar.records import SolvedBlock, printed_errors
-from workers.sweeping.varying_body.models import model_of
-from workers.sweeping.varying_body.templates import (
+from workers.sweeping.parameters.models import model_of
+from workers.sweeping.parameters.templates import (
     MOMENTS,
     MOST_TEMPLATES,
     Key,

@@ -38,7 +38,7 @@ from workers.sweeping.planar.records import (
     numbers_of_motions,
 )
 from workers.sweeping.varying_body.empty_sums import have_no_motion
-from workers.sweeping.varying_body.templates import (
+from workers.sweeping.parameters.templates import (
     MOST_TEMPLATES,
     Key,
     Model,

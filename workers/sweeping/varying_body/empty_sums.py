@@ -29,7 +29,7 @@ from service.dynamics.verdict.proofs.power_sums import Judgement, Term, have_g2,
 from workers.solvers.compiled.records import Records
 from workers.sweeping.parameters.programs import double_of
 from workers.sweeping.planar.exclusions import LOG_LAMBDA_ERROR
-from workers.sweeping.varying_body.templates import MomentsOfPoint
+from workers.sweeping.parameters.templates import MomentsOfPoint
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

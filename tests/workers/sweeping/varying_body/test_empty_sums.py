@@ -11,8 +11,8 @@ from service.dynamics.problem import PlanarMotion
 from service.dynamics.verdict.proofs.power_sums import judge_power_sum
 from workers.solvers.compiled.frame import Bodies, loops_of
 from workers.sweeping.varying_body.empty_sums import have_no_motion
-from workers.sweeping.varying_body.models import model_of
-from workers.sweeping.varying_body.templates import MomentsOfPoint
+from workers.sweeping.parameters.models import model_of
+from workers.sweeping.parameters.templates import MomentsOfPoint
 
 LOG_LAMBDA = math.log(0.9)
 

@@ -17,7 +17,7 @@ from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
 from workers.sweeping.parameters.coefficients import ExactParts, split_formula
 from workers.sweeping.parameters.family import Path, degree_in
-from workers.sweeping.varying_body.templates import Key, Model, MomentsOfPoint, kind_of
+from workers.sweeping.parameters.templates import Key, Model, MomentsOfPoint, kind_of
 
 _STEP = fmpq(104_729, 611_953)
 """A ratio of primes, far from any number that a formula would fold."""
