@@ -69,7 +69,7 @@ def _crews(document: object, read: Sweep) -> Iterator[tuple[Run, ...]]:
         runs = []
         for workers in WORKERS:
             sandbox = opened.enter_context(
-                closing(Sandbox(workers, preload=["workers.sweeping.planar.block"]))
+                closing(Sandbox(workers, preload=["workers.sweeping.rows"]))
             )
             runs.append(partial(_run, document, read, sandbox, workers))
             runs[-1]()

@@ -1,12 +1,14 @@
-"""Potentials whose moments or exponents vary, as one program whose constants and exponents are data.
+"""Programs that points of a sweep share: one structure, whose constants and exponents are data.
 
 What a formula compiles to depends on the numbers in it by their signs, by which of them are 0, 1 or -1, and
 by which are equal. Points that agree in that share a template: it is compiled at numbers that are like
-theirs, twice, and tells for each constant of the program which number of the potential it is.
+theirs, twice, and tells for each constant of the program which number of the potential it is, or how many
+times that number.
 """
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -17,16 +19,24 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.monomials import as_fmpq, as_fraction
 from service.dynamics.formula.limits import MAX_EXPONENT
-from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.tape import Tape, with_inputs
 from service.dynamics.potentials.potential import Potential
-from workers.solvers.compiled.evaluation.program import Program, make_program, numbers_of
-from workers.sweeping.parameters.programs import nearest_double
+from workers.solvers.compiled.evaluation.program import (
+    Program,
+    has_number,
+    make_program,
+    numbers_of,
+    rest_of,
+    rests_of,
+)
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 Key = tuple[object, ...]
+
 MOMENTS = ("A", "B", "C")
 MOST_TEMPLATES = 64
-"""Structures of a potential that one sweep has templates for; other points are left to single jobs."""
+"""Structures of a potential that one sweep has templates for; other points have one each."""
 
 
 class MomentsOfPoint(NamedTuple):
@@ -35,6 +45,11 @@ class MomentsOfPoint(NamedTuple):
     A: fmpq
     B: fmpq | None
     C: fmpq
+
+    @classmethod
+    def of(cls, body: RigidBody) -> "MomentsOfPoint":
+        """Return those of a body."""
+        return cls(as_fmpq(body.A), None if body.B is None else as_fmpq(body.B), as_fmpq(body.C))
 
     def body(self) -> RigidBody:
         """Return the body; whether there is one is known already."""
@@ -71,8 +86,10 @@ class Template:
     """Constants of the program; those that vary are replaced."""
     fixed: tuple[fmpq | None, ...]
     """The same exactly, None for π."""
-    varying: Mapping[int, tuple[int, int]]
-    """The others by their indices: which value, and its sign."""
+    varying: Mapping[int, tuple[int, fmpq]]
+    """The others by their indices: which value, and how many times."""
+    rests: FloatArray
+    """What the constants leave out."""
     exponents: Mapping[int, int]
     """The base of each exponent, by the index of the exponent: two of one base would be one instruction."""
     distinct: tuple[int, int]
@@ -81,8 +98,8 @@ class Template:
     def numbers(self, values: Sequence[fmpq]) -> list[fmpq | None]:
         """Return the numbers of the tape at a point, None for π."""
         constants = list(self.fixed)
-        for slot, (index, sign) in self.varying.items():
-            constants[slot] = values[index] if sign > 0 else -values[index]
+        for slot, (index, factor) in self.varying.items():
+            constants[slot] = factor * values[index]
         return constants
 
     def row(self, numbers: Sequence[fmpq | None]) -> list[float]:
@@ -91,45 +108,78 @@ class Template:
         for slot in self.varying:
             number = numbers[slot]
             assert number is not None
-            row[slot] = nearest_double(int(number.p), int(number.q))
+            row[slot] = double_of(number)
         return row
 
     def is_of(self, row: Sequence[float]) -> bool:
-        """Tell whether numbers that differ at the probes differ here too."""
-        return self.distinct == _distinct(row, self.exponents) and all(
-            abs(row[slot]) <= MAX_EXPONENT for slot in self.exponents
+        """Tell whether numbers that differ at the probes differ here too, and none shortens the formula."""
+        return (
+            self.distinct == _distinct(row, self.exponents)
+            and all(abs(row[slot]) <= MAX_EXPONENT for slot in self.exponents)
+            and all(abs(factor) == 1 or abs(row[slot]) != 1.0 for slot, (_, factor) in self.varying.items())
+            and all(math.isfinite(row[slot]) for slot in self.varying)
         )
 
 
-def shared_template(model: Model, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Template | None:
-    """Return the template of all points like this one; None if it is not found."""
-    try:
-        probes = model.probes(moments, numbers)
-    except (DynamicsError, ValueError):
-        return None
-    if probes is None:
-        return None
-    (values, tape), (others, other) = probes
-    program, constants = make_program(tape)
-    if make_program(other)[0].key != program.key:
-        return None
-    varying: dict[int, tuple[int, int]] = {}
-    fixed = [None if number is None else as_fmpq(number) for number in numbers_of(tape)]
-    for slot, (number, seen) in enumerate(zip(fixed, numbers_of(other), strict=True)):
-        if number is None or seen is None or number == as_fmpq(seen):
-            continue
-        source = _source(number, as_fmpq(seen), values, others)
-        if source is None:
+class Constants(NamedTuple):
+    """The constants of a point."""
+
+    template: Template
+    exact: list[fmpq | None]
+    """As ratios, None for π."""
+    row: list[float]
+    """Each rounded once."""
+
+
+class Templates:
+    """The templates of a potential, made when a point asks for one."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._shared: dict[Key, Template | None] = {}
+
+    def at(
+        self, moments: MomentsOfPoint, numbers: Sequence[fmpq], values: Sequence[fmpq]
+    ) -> Constants | None:
+        """Return the constants of the point with these numbers; None where its formula cannot be compiled.
+
+        ``values`` are what the model makes of the numbers.
+        """
+        key = self.model.key(values)
+        if key not in self._shared and len(self._shared) < MOST_TEMPLATES:
+            self._shared[key] = self._new(moments, numbers)
+        shared = self._shared.get(key)
+        if shared is not None:
+            exact = shared.numbers(values)
+            row = shared.row(exact)
+            if shared.is_of(row):
+                return Constants(shared, exact, row)
+        try:
+            own = _own(self.model.potential(moments, numbers).tape, {})
+        except (DynamicsError, ValueError):
             return None
-        varying[slot] = source
-    return _template(program, tape, constants, fixed, varying)
+        return Constants(own, list(own.fixed), own.constants.tolist())
 
-
-def own_template(tape: Tape) -> Template:
-    """Return the template of one point."""
-    program, constants = make_program(tape)
-    fixed = [None if number is None else as_fmpq(number) for number in numbers_of(tape)]
-    return _template(program, tape, constants, fixed, {})
+    def _new(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Template | None:
+        """Return the template of all points like this one; None if it is not found."""
+        try:
+            probes = self.model.probes(moments, numbers)
+        except (DynamicsError, ValueError):
+            return None
+        if probes is None:
+            return None
+        (values, tape), (others, other) = probes
+        if make_program(other)[0].key != make_program(tape)[0].key:
+            return None
+        varying: dict[int, tuple[int, fmpq]] = {}
+        for slot, (number, seen) in enumerate(zip(numbers_of(tape), numbers_of(other), strict=True)):
+            if number is None or seen is None or number == seen:
+                continue
+            source = _source(as_fmpq(number), as_fmpq(seen), values, others)
+            if source is None:
+                return None
+            varying[slot] = source
+        return _own(tape, varying)
 
 
 def kind_of(value: fmpq) -> object:
@@ -137,17 +187,15 @@ def kind_of(value: fmpq) -> object:
     return int(value.p) if value.q == 1 and abs(value) <= 1 else 2 if value > 0 else -2
 
 
-def _template(
-    program: Program,
-    tape: Tape,
-    constants: FloatArray,
-    fixed: Sequence[fmpq | None],
-    varying: Mapping[int, tuple[int, int]],
-) -> Template:
-    numbered = [at for at in tape.instructions if at.operation == "pi" or at.number is not None]
+def _own(tape: Tape, varying: Mapping[int, tuple[int, fmpq]]) -> Template:
+    """Return the template of a tape whose other numbers are fixed."""
+    program, constants = make_program(tape)
+    fixed = tuple(None if number is None else as_fmpq(number) for number in numbers_of(tape))
+    numbered = [at for at in tape.instructions if has_number(at)]
     exponents = {slot: at.left for slot, at in enumerate(numbered) if at.operation == "power"}
     distinct = _distinct(constants.tolist(), exponents)
-    return Template(program, tape, constants, tuple(fixed), varying, exponents, distinct)
+    rests = rests_of(tape, constants)
+    return Template(program, tape, constants, fixed, varying, rests, exponents, distinct)
 
 
 def _distinct(row: Sequence[float], exponents: Mapping[int, int]) -> tuple[int, int]:
@@ -159,10 +207,77 @@ def _distinct(row: Sequence[float], exponents: Mapping[int, int]) -> tuple[int, 
 
 def _source(
     number: fmpq, seen: fmpq, values: Sequence[fmpq], others: Sequence[fmpq]
-) -> tuple[int, int] | None:
-    """Return the value that a number is, or is the opposite of, at both probes."""
+) -> tuple[int, fmpq] | None:
+    """Return which value a number is at both probes, and how many times; once or −1 times if it can be."""
+    found: tuple[int, fmpq] | None = None
     for index, (value, other) in enumerate(zip(values, others, strict=True)):
-        for sign in (1, -1):
-            if number == sign * value and seen == sign * other:
-                return index, sign
-    return None
+        if value and other and number / value == seen / other:
+            factor = number / value
+            if abs(factor) == 1:
+                return index, factor
+            found = found or (index, factor)
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Points that share a program."""
+
+    template: Template
+    rows: FloatArray
+    """The constants of each, the doubles nearest to them, shape (points, constants)."""
+    indices: IntArray
+    """Indices of the points in their block."""
+    rests: FloatArray | None = None
+    """Low parts that the rows leave out of the constants; None where nobody asked for them."""
+
+    @property
+    def program(self) -> Program:
+        """The program."""
+        return self.template.program
+
+    def part(self, members: NDArray[np.bool_]) -> "Group":
+        """Return those of the points that are ``members``, shape (points,)."""
+        rests = None if self.rests is None else self.rests[members]
+        return replace(self, rows=self.rows[members], indices=self.indices[members], rests=rests)
+
+    def tape_of_all(self) -> Tape:
+        """Return the tape that has the varying constants as further variables."""
+        tape = self.template.tape
+        numbered = [index for index, at in enumerate(tape.instructions) if has_number(at)]
+        return with_inputs(tape, [numbered[slot] for slot in self.template.varying])
+
+    def inputs(self) -> tuple[FloatArray, ...]:
+        """Return those variables, each of shape (points,)."""
+        return tuple(self.rows[:, slot] for slot in self.template.varying)
+
+
+def grouped(constants: Mapping[int, Constants], *, has_rests: bool = False) -> list[Group]:
+    """Return points by their templates; their constants are told by their indices."""
+    members: dict[int, list[int]] = {}
+    for index, each in constants.items():
+        members.setdefault(id(each.template), []).append(index)
+    groups = list[Group]()
+    for indices in members.values():
+        known = [constants[index] for index in indices]
+        rows = np.array([each.row for each in known]).reshape(len(known), -1)
+        rests = np.array([_rests(each) for each in known]).reshape(rows.shape) if has_rests else None
+        groups.append(Group(known[0].template, rows, np.array(indices, dtype=np.int64), rests))
+    return groups
+
+
+def _rests(constants: Constants) -> FloatArray:
+    """Return what the doubles of a point's constants leave out."""
+    rests = constants.template.rests.copy()
+    for slot in constants.template.varying:
+        number = constants.exact[slot]
+        rests[slot] = rest_of(None if number is None else as_fraction(number), constants.row[slot])
+    return rests
+
+
+def double_of(value: fmpq) -> float:
+    """Return the double that is nearest to a ratio, NaN where it is too large."""
+    try:
+        return int(value.p) / int(value.q)
+    except OverflowError:
+        return math.nan

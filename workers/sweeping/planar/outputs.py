@@ -28,7 +28,7 @@ from workers.solvers.evidence import drifts_of
 from workers.solvers.orientation.advance import estimate
 from workers.solvers.orientation.by_doubles import advances_by_doubles
 from workers.solvers.stability.by_doubles import Perturbed
-from workers.sweeping.parameters.programs import Group
+from workers.sweeping.parameters.templates import Group
 from workers.sweeping.planar.doubles import logarithms_of
 from workers.sweeping.planar.records import Side
 

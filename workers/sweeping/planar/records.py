@@ -19,7 +19,7 @@ from workers.solvers.compiled.batch import Tier
 from workers.solvers.units import Units
 from workers.sweeping.parameters.family import Energies
 from workers.sweeping.parameters.points import SweptPoints
-from workers.sweeping.parameters.programs import Group
+from workers.sweeping.parameters.templates import Group
 from workers.sweeping.planar.doubles import BlockResult, Sampling
 
 if TYPE_CHECKING:
@@ -54,9 +54,9 @@ class Request:
     sampling: Sampling
     """In these units, as the times are."""
     tier: Tier
-    sizes_of_g1: FloatArray | None = None
-    """Those of the starts, where they vary."""
-    times: Sequence[Times] | None = None
+    start_axis: int | None
+    """Index of the axis of g1 at the start, if it varies."""
+    times: Sequence[Times] | None
     """The times of each, where they vary."""
 
 
@@ -97,9 +97,7 @@ class PotentialsOfBlock(Protocol):
     def are_smooth(self, group: Group, side: Side, passing: BoolArray) -> BoolArray:
         """Tell for the points ``passing`` a pole whether they need no convention there."""
 
-    def have_no_motion(
-        self, group: Group, side: Side, rest: IntArray, squares: Sequence[fmpq]
-    ) -> BoolArray:
+    def have_no_motion(self, group: Group, side: Side, rest: IntArray, squares: Sequence[fmpq]) -> BoolArray:
         """Tell which of the ``rest`` of a group, on the curves of these λ², are proved to have no motion."""
 
 
