@@ -93,7 +93,7 @@ def make_plan(sweep: Sweep, numbering: Sequence[int] | None = None) -> Plan:
         return Plan(sweep, is_judged=True)
     poles = smooth_poles(problem.body, family, motion)
     varying = _axes(sweep, numbering)
-    model = model_of(potential, tuple(varying.values()), frozenset())
+    model = model_of(coefficients.document, coefficients.paths, frozenset())
     if model is None:
         return Plan(sweep, is_judged=True)
     potentials = FamilyPotentials(problem, potential, varying, coefficients, Templates(model), poles)

@@ -32,12 +32,11 @@ def model_of(document: Mapping[str, object], paths: Sequence[Path], moments: fro
     kind = document.get("type")
     if kind == "expression" and all(path[0] == "parameters" for path in paths):
         return _expression(document, tuple(path[-1] for path in paths), moments)
-    if kind == "homogeneous" and all(path[0] in ("A", "B", "C") for path in paths):
-        model = _homogeneous(document, paths)
-        if model is not None:
-            return model
     # The formulas of two families do not know of the body.
-    return ListedModel(document, tuple(paths)) if kind in ("gravity", "rational") or not moments else None
+    if kind in ("gravity", "rational") or not moments:
+        return ListedModel(document, tuple(paths))
+    plain = kind == "homogeneous" and all(path[0] in ("A", "B", "C") for path in paths)
+    return _homogeneous(document, paths) if plain else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +45,11 @@ class ListedModel:
 
     document: Mapping[str, object]
     paths: tuple[Path, ...]
+
+    @property
+    def order(self) -> Sequence[int] | None:
+        """See Model.order."""
+        return range(len(self.paths))
 
     def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """See Model.values."""
@@ -95,6 +99,12 @@ class ExpressionModel:
     needs_moment: bool
     """Whether B is in any of them."""
 
+    @property
+    def order(self) -> Sequence[int] | None:
+        """See Model.order."""
+        results = self.parts.results
+        return results if all(index < len(self.names) for index in results) else None
+
     def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """See Model.values."""
         A, B, C = moments
@@ -139,6 +149,11 @@ class HomogeneousModel:
     document: Mapping[str, object]
     paths: tuple[Path, ...]
     lists: Mapping[str, tuple[fmpq, ...]]
+
+    @property
+    def order(self) -> Sequence[int] | None:
+        """See Model.order."""
+        return None
 
     def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """See Model.values: coefficients and exponents of each power, then what is beside A g1² + C g3²."""

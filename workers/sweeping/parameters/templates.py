@@ -31,6 +31,7 @@ from workers.solvers.compiled.evaluation.program import (
 )
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 Key = tuple[object, ...]
 
@@ -59,6 +60,10 @@ class MomentsOfPoint(NamedTuple):
 
 class Model(Protocol):
     """A potential with numbers that follow from those on the axes."""
+
+    @property
+    def order(self) -> Sequence[int] | None:
+        """The indices on the axes of the values, where they are nothing but numbers on axes."""
 
     def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """Return the numbers in the potential at those on its axes; None: left to single jobs."""
@@ -110,6 +115,20 @@ class Template:
             assert number is not None
             row[slot] = double_of(number)
         return row
+
+    def rows(self, values: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return the constants at doubles of the values, shape (points, values), and which are surely right.
+
+        None are where a constant is another multiple of a value than ±1, whose double is not known.
+        """
+        rows = np.repeat(self.constants[None, :], len(values), axis=0)
+        for slot, (index, factor) in self.varying.items():
+            rows[:, slot] = float(factor) * values[:, index]
+        plain = all(abs(factor) == 1 and k not in self.exponents for k, (_, factor) in self.varying.items())
+        known = np.sort(np.delete(rows, list(self.exponents), axis=1), axis=1)
+        distinct = (np.diff(known, axis=1, prepend=np.nan) != 0.0).sum(axis=1)
+        are_own = plain & np.isfinite(known).all(axis=1) & (distinct == self.distinct[0])
+        return rows, are_own & ~np.isin(values, (0.0, 1.0, -1.0)).any(axis=1)
 
     def is_of(self, row: Sequence[float]) -> bool:
         """Tell whether numbers that differ at the probes differ here too, and none shortens the formula."""
@@ -236,7 +255,7 @@ class Group:
         """The program."""
         return self.template.program
 
-    def part(self, members: NDArray[np.bool_]) -> "Group":
+    def part(self, members: BoolArray) -> "Group":
         """Return those of the points that are ``members``, shape (points,)."""
         rests = None if self.rests is None else self.rests[members]
         return replace(self, rows=self.rows[members], indices=self.indices[members], rests=rests)

@@ -86,15 +86,26 @@ class _FamilyOfBlock:
 
     def groups(self, indices: IntArray, *, has_rests: bool) -> list[Group]:
         """See PotentialsOfBlock.groups."""
-        templates, moments = self._family.templates, MomentsOfPoint.of(self.body())
-        axes, constants = tuple(self._family.axes), dict[int, Constants]()
-        for index in indices.tolist():
-            numbers = self._points.exact_row(index, axes)
-            values = templates.model.values(moments, numbers)
-            found = None if values is None else templates.at(moments, numbers, values)
-            if found is not None:
-                constants[index] = found
-        return grouped(constants, has_rests=has_rests)
+        templates, doubles = self._family.templates, self._parameters.doubles
+        order, groups = templates.model.order, list[Group]()
+        # Those whose signs are alike mostly share a template, and its constants are doubles that are known.
+        signs = np.sign(doubles[indices])
+        for pattern in [] if order is None or has_rests else np.unique(signs, axis=0):
+            alike = indices[(signs == pattern).all(axis=1)]
+            first = self._constants(int(alike[len(alike) // 2]))
+            if first is not None:
+                rows, are_own = first.template.rows(doubles[alike][:, order])
+                groups.append(Group(first.template, rows[are_own], alike[are_own]))
+                indices = np.setdiff1d(indices, alike[are_own])
+        found = {index: self._constants(index) for index in indices.tolist()}
+        known = {index: constants for index, constants in found.items() if constants is not None}
+        return [each for each in [*groups, *grouped(known, has_rests=has_rests)] if len(each.indices)]
+
+    def _constants(self, index: int) -> Constants | None:
+        numbers, moments = self._parameters.exact(index), MomentsOfPoint.of(self.body())
+        templates = self._family.templates
+        values = templates.model.values(moments, numbers)
+        return None if values is None else templates.at(moments, numbers, values)
 
     def body(self, index: int = 0) -> RigidBody:
         """See PotentialsOfBlock.body; B may be another."""

@@ -87,9 +87,7 @@ def test_what_is_not_admissible_for_all_numbers_is_not_proved(document, paths):
 
 def test_constants_are_those_of_the_formula_compiled_alone():
     document = expression("a*g1/3 - 2*(b + 1/7)/(-g3^2)/20 + sqrt(2)*(a-b)*g1", a=1, b=1)
-    rows = [
-        constants_at(document, a, b) for a, b in ((fmpq(1, 3), fmpq(2, 7)), (fmpq(-13, 10), fmpq(1, 100)))
-    ]
+    numbers = (fmpq(1, 3), fmpq(2, 7)), (fmpq(-13, 10), fmpq(1, 100))
     for found, member in (constants_at(document, a, b) for a, b in numbers):
         alone, constants = make_program(member.tape)
         assert found.template.varying
