@@ -32,8 +32,7 @@ from workers.sweeping.parameters.family import (
 )
 from workers.sweeping.parameters.models import model_of
 from workers.sweeping.parameters.templates import Templates
-from workers.sweeping.planar.potentials import FamilyPotentials, JudgedPotentials
-from workers.sweeping.planar.records import Potentials, RowPlan, Side
+from workers.sweeping.planar.potentials import FamilyPotentials, JudgedPotentials, RowPlan, Side
 
 CHECKED_CORNERS = 16
 """Points of a sweep whose formulas are looked at before rows are planned."""
@@ -130,7 +129,10 @@ def plan_judged(sweep: Sweep) -> RowPlan | None:
 
 
 def _rows(
-    sweep: Sweep, numbering: Sequence[int] | None, potentials: Potentials, sides: Mapping[int, Side]
+    sweep: Sweep,
+    numbering: Sequence[int] | None,
+    potentials: FamilyPotentials | JudgedPotentials,
+    sides: Mapping[int, Side],
 ) -> RowPlan:
     numbers = range(len(sweep.axes)) if numbering is None else numbering
     numbered = list(zip(numbers, sweep.axes, strict=True))

@@ -31,15 +31,8 @@ from workers.sweeping.plan import plan_of_slice
 from workers.sweeping.planar.doubles import BlockResult, Sampling
 from workers.sweeping.planar.exclusions import keep_their_sign
 from workers.sweeping.planar.outputs import OUTPUTS, KeptIntegrals, KeptOutputs
-from workers.sweeping.planar.records import (
-    NO_MOTION,
-    FoundPoints,
-    PotentialsOfBlock,
-    Request,
-    RowPlan,
-    Side,
-    SolvedBlock,
-)
+from workers.sweeping.planar.potentials import FamilyOfBlock, JudgedOfBlock, Request, RowPlan, Side
+from workers.sweeping.planar.records import NO_MOTION, FoundPoints, SolvedBlock
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -295,7 +288,7 @@ class _Here:
     """The points of a block, the side of those that are solved together, and what each of these has."""
 
     points: SweptPoints
-    potentials: PotentialsOfBlock
+    potentials: FamilyOfBlock | JudgedOfBlock
     side: Side
     squares: Sequence[fmpq]
     """Their λ²."""

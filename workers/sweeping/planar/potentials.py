@@ -9,6 +9,7 @@ program, whose exponents are data like its constants.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from flint import arb, ctx, fmpq
@@ -17,16 +18,18 @@ from numpy.typing import NDArray
 from service.dynamics.body import MAX_MOMENT_RATIO, RigidBody
 from service.dynamics.formula.algebras.monomials import NotAMonomialSumError, as_fmpq, as_fraction
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.problem import PlanarMotion, Problem
+from service.dynamics.problem import PlanarMotion, Problem, Times
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.verdict.proofs.power_sums import CurveEnergy, Judgement, judge_power_sum, number_of
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import Part, with_values
 from service.schemas.sweep.sweep import json_number
+from workers.solvers.compiled.batch import Tier
 from workers.solvers.compiled.frame import Bodies, loops_of
+from workers.solvers.units import Units
 from workers.sweeping.parameters.coefficients import Coefficients
-from workers.sweeping.parameters.family import Path, Poles, rounded
+from workers.sweeping.parameters.family import Energies, Path, Poles, rounded
 from workers.sweeping.parameters.points import SweptPoints, are_numbers
 from workers.sweeping.parameters.templates import (
     Constants,
@@ -37,9 +40,12 @@ from workers.sweeping.parameters.templates import (
     double_of,
     grouped,
 )
-from workers.sweeping.planar.doubles import BlockResult, logarithms_of, sweep_loops, sweep_sets
+from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, sweep_loops, sweep_sets
 from workers.sweeping.planar.exclusions import have_no_motion_at, sums_have_no_motion
-from workers.sweeping.planar.records import INADMISSIBLE, INVALID, Request, Side
+from workers.sweeping.planar.records import INADMISSIBLE, INVALID
+
+if TYPE_CHECKING:
+    from workers.sweeping.planar.by_roots import RationalFamily
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -49,6 +55,34 @@ MOST_NUMBER_BITS = 1000
 """Largest size of a number in a potential, in bits: what is made of such ones keeps the limits of
 formulas."""
 _ONE = fmpq(1)
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """The motions with one sign of g1; λ differs from point to point."""
+
+    motion: PlanarMotion
+    energies: Energies | None = None
+    """Of potentials that are proved at once."""
+    rational: "RationalFamily | None" = None
+    """The potentials as sums of powers, at the tier ``high`` alone, which is for these."""
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What is asked of the points of a group."""
+
+    side: Side
+    squares: Sequence[fmpq]
+    """Their λ²."""
+    units: Units
+    sampling: Sampling
+    """In these units, as the times are."""
+    tier: Tier
+    start_axis: int | None
+    """Index of the axis of g1 at the start, if it varies."""
+    times: Sequence[Times] | None
+    """The times of each, where they vary."""
 
 
 class FamilyPotentials:
@@ -67,12 +101,12 @@ class FamilyPotentials:
         self.problem, self.document, self.axes = problem, document, axes
         self.coefficients, self.templates, self.poles = coefficients, templates, poles
 
-    def at(self, points: SweptPoints) -> "_FamilyOfBlock":
-        """See Potentials.at."""
-        return _FamilyOfBlock(self, points)
+    def at(self, points: SweptPoints) -> "FamilyOfBlock":
+        """Return those at the points of a block."""
+        return FamilyOfBlock(self, points)
 
 
-class _FamilyOfBlock:
+class FamilyOfBlock:
     """The potentials of a family at the points of a block."""
 
     def __init__(self, family: FamilyPotentials, points: SweptPoints) -> None:
@@ -81,11 +115,14 @@ class _FamilyOfBlock:
         self.usable = are_numbers(self._parameters.doubles)
 
     def refused(self) -> Mapping[str, Sequence[int]]:
-        """See PotentialsOfBlock.refused: all are admissible."""
+        """Return the points so far that certainly end with an error, by its code."""
         return {}
 
     def groups(self, indices: IntArray, *, has_rests: bool) -> list[Group]:
-        """See PotentialsOfBlock.groups."""
+        """Return points by their programs, with ``rests`` if they are asked for.
+
+        Points without a program, or of which it is not known that they are admissible, are left out.
+        """
         templates, doubles = self._family.templates, self._parameters.doubles
         order, groups = templates.model.order, list[Group]()
         # Those whose signs are alike mostly share a template, and its constants are doubles that are known.
@@ -108,16 +145,16 @@ class _FamilyOfBlock:
         return None if values is None else templates.at(moments, numbers, values)
 
     def body(self, index: int = 0) -> RigidBody:
-        """See PotentialsOfBlock.body; B may be another."""
+        """Return the body of a point."""
         return self._family.problem.body
 
     def potential(self, index: int) -> Potential:
-        """See PotentialsOfBlock.potential."""
+        """Return the potential of a point."""
         problem = self._family.problem
         return potential_of(self._document(index), problem.body) if self._family.axes else problem.potential
 
     def solve(self, group: Group, request: Request) -> BlockResult | None:
-        """See PotentialsOfBlock.solve; what doubles do not solve at the tier ``high``, roots may."""
+        """Solve the points of a group; None if motions of their kind are not solved here."""
         body, side, is_high = request.units.body(self.body()), request.side, request.tier == "high"
         sizes = self._points.sizes(request.start_axis, group.indices)
         result = sweep_sets(
@@ -148,17 +185,17 @@ class _FamilyOfBlock:
         )
 
     def energies(self, group: Group, side: Side, squares: Sequence[fmpq]) -> FloatArray:
-        """See PotentialsOfBlock.energies."""
+        """Return energies and bounds of their errors as jobs have them, shape (points, 2), NaN in doubt."""
         assert side.energies is not None
         return np.array(side.energies.rounded(self._exact(group.indices), squares)).reshape(-1, 2)
 
     def are_smooth(self, group: Group, side: Side, passing: BoolArray) -> BoolArray:
-        """See PotentialsOfBlock.are_smooth."""
+        """Tell for the points ``passing`` a pole whether they need no convention there."""
         poles, parameters = self._family.poles, self._parameters.doubles[group.indices]
         return ~passing if poles is None else ~passing | poles.are_plain(parameters)
 
     def have_no_motion(self, group: Group, side: Side, rest: IntArray, squares: Sequence[fmpq]) -> BoolArray:
-        """See PotentialsOfBlock.have_no_motion."""
+        """Tell which of the ``rest`` of a group, on the curves of these λ², are proved to have no motion."""
         return have_no_motion_at(self._family.problem.body, side.motion, group, rest, squares)
 
     def _exact(self, indices: IntArray) -> list[list[fmpq]]:
@@ -194,9 +231,9 @@ class JudgedPotentials:
         self._templates = Templates(model)
         self._last: tuple[object, StatedPoint | str | None] = None, None
 
-    def at(self, points: SweptPoints) -> "_JudgedOfBlock":
-        """See Potentials.at."""
-        return _JudgedOfBlock(self, points)
+    def at(self, points: SweptPoints) -> "JudgedOfBlock":
+        """See FamilyPotentials.at."""
+        return JudgedOfBlock(self, points)
 
     def stated(self, points: SweptPoints, index: int) -> "StatedPoint | str | None":
         """Return what a point states, or the code of its refusal; None: left to a single job."""
@@ -280,7 +317,7 @@ class StatedPoint:
             return rounded(total, largest)
 
 
-class _JudgedOfBlock:
+class JudgedOfBlock:
     """The potentials at the points of a block, each judged by itself."""
 
     def __init__(self, potentials: JudgedPotentials, points: SweptPoints) -> None:
@@ -290,11 +327,11 @@ class _JudgedOfBlock:
         self.usable = np.ones(points.count, dtype=np.bool_)
 
     def refused(self) -> Mapping[str, Sequence[int]]:
-        """See PotentialsOfBlock.refused."""
+        """See FamilyOfBlock.refused."""
         return self._refused
 
     def groups(self, indices: IntArray, *, has_rests: bool) -> list[Group]:
-        """See PotentialsOfBlock.groups; there are no rests."""
+        """See FamilyOfBlock.groups; there are no rests."""
         for index in indices.tolist():
             stated = self._potentials.stated(self._points, index)
             if isinstance(stated, str):
@@ -305,15 +342,15 @@ class _JudgedOfBlock:
         return grouped({index: self._stated[index].constants for index in members})
 
     def body(self, index: int) -> RigidBody:
-        """See PotentialsOfBlock.body."""
+        """See FamilyOfBlock.body."""
         return self._stated[index].moments.body()
 
     def potential(self, index: int) -> Potential:
-        """See PotentialsOfBlock.potential."""
+        """See FamilyOfBlock.potential."""
         return self._stated[index].potential()
 
     def solve(self, group: Group, request: Request) -> BlockResult | None:
-        """See PotentialsOfBlock.solve."""
+        """See FamilyOfBlock.solve."""
         motion, unit = request.side.motion, fmpq(4) ** request.units.k
         loops = loops_of(_bodies(self._of(group.indices), unit), motion, logarithms_of(request.squares))
         if loops is None:
@@ -324,7 +361,7 @@ class _JudgedOfBlock:
         )
 
     def energies(self, group: Group, side: Side, squares: Sequence[fmpq]) -> FloatArray:
-        """See PotentialsOfBlock.energies."""
+        """See FamilyOfBlock.energies."""
         return np.array(
             [
                 each.energy(square, side.motion)
@@ -333,7 +370,7 @@ class _JudgedOfBlock:
         )
 
     def are_smooth(self, group: Group, side: Side, passing: BoolArray) -> BoolArray:
-        """See PotentialsOfBlock.are_smooth."""
+        """See FamilyOfBlock.are_smooth."""
         smooth, stated = np.ones(len(passing), dtype=np.bool_), self._of(group.indices)
         with ctx.workprec(REDUCTION_BITS):
             for n in np.flatnonzero(passing).tolist():
@@ -342,7 +379,7 @@ class _JudgedOfBlock:
         return smooth
 
     def have_no_motion(self, group: Group, side: Side, rest: IntArray, squares: Sequence[fmpq]) -> BoolArray:
-        """See PotentialsOfBlock.have_no_motion."""
+        """See FamilyOfBlock.have_no_motion."""
         stated = self._of(group.indices[rest])
         loops = loops_of(_bodies(stated), side.motion, logarithms_of(squares))
         if loops is None:
@@ -366,3 +403,23 @@ def _bodies(stated: Sequence[StatedPoint], unit: fmpq = _ONE) -> Bodies:
         factor.append(double_of(C / ((A - C) * A * unit)))
         mirrored.append(is_mirrored)
     return Bodies(np.array(alpha), np.array(factor), np.array(mirrored))
+
+
+@dataclass(frozen=True, slots=True)
+class RowPlan:
+    """What the points of a sweep, or of a part of it, have in common; axes are told by their index."""
+
+    problem: Problem
+    """The first point's."""
+    tier: Tier
+    potentials: FamilyPotentials | JudgedPotentials
+    curve_axis: int | None
+    """λ or nu."""
+    start_axis: int | None
+    """g1 at the start."""
+    moment_axis: int | None
+    """B, on which planar motions do not depend."""
+    time_axes: Mapping[str, int]
+    """The times, by their names."""
+    sides: Mapping[int, Side]
+    """The sides by the sign of g1."""
