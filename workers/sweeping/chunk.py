@@ -29,7 +29,7 @@ from workers.solvers.ways import NotReadyError, Way, on_way
 from workers.sweeping.plan import OWN_PLAN_POINTS, Plan, make_plan, outer_axes, plan_judged
 
 if TYPE_CHECKING:
-    from workers.sweeping.planar.records import SolvedBlock
+    from workers.sweeping.planar.doubles import SolvedBlock
     from workers.sweeping.rows import RowSolver
     from workers.sweeping.states import StateSolver
 

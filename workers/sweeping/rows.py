@@ -28,11 +28,10 @@ from workers.sweeping.parameters.points import (
 )
 from workers.sweeping.parameters.templates import Group
 from workers.sweeping.plan import plan_of_slice
-from workers.sweeping.planar.doubles import BlockResult, Sampling
+from workers.sweeping.planar.doubles import NO_MOTION, BlockResult, FoundPoints, Sampling, SolvedBlock
 from workers.sweeping.planar.exclusions import keep_their_sign
 from workers.sweeping.planar.outputs import OUTPUTS, KeptIntegrals, KeptOutputs
 from workers.sweeping.planar.potentials import FamilyOfBlock, JudgedOfBlock, Request, RowPlan, Side
-from workers.sweeping.planar.records import NO_MOTION, FoundPoints, SolvedBlock
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

@@ -42,7 +42,7 @@ from workers.sweeping.parameters.family import has_symbol
 from workers.sweeping.parameters.models import model_of
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
 from workers.sweeping.parameters.templates import MOMENTS, Model, MomentsOfPoint, Template, Templates
-from workers.sweeping.planar.records import SolvedBlock, printed_errors
+from workers.sweeping.planar.doubles import SolvedBlock, printed_errors
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

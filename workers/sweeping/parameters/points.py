@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 ListedNumbers = Sequence[Mapping[float, fmpq | None]]
-"""What :func:`listed_exactly` returns of each axis."""
+"""The result of :func:`listed_exactly` for each axis."""
 
 
 class SweptPoints:

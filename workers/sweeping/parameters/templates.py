@@ -94,7 +94,7 @@ class Template:
     varying: Mapping[int, tuple[int, fmpq]]
     """The others by their indices: which value, and how many times."""
     rests: FloatArray
-    """What the constants leave out."""
+    """Rests that the constants leave out."""
     exponents: Mapping[int, int]
     """The base of each exponent, by the index of the exponent: two of one base would be one instruction."""
     distinct: tuple[int, int]

@@ -40,9 +40,16 @@ from workers.sweeping.parameters.templates import (
     double_of,
     grouped,
 )
-from workers.sweeping.planar.doubles import BlockResult, Sampling, logarithms_of, sweep_loops, sweep_sets
+from workers.sweeping.planar.doubles import (
+    INADMISSIBLE,
+    INVALID,
+    BlockResult,
+    Sampling,
+    logarithms_of,
+    sweep_loops,
+    sweep_sets,
+)
 from workers.sweeping.planar.exclusions import have_no_motion_at, sums_have_no_motion
-from workers.sweeping.planar.records import INADMISSIBLE, INVALID
 
 if TYPE_CHECKING:
     from workers.sweeping.planar.by_roots import RationalFamily
@@ -63,14 +70,14 @@ class Side:
 
     motion: PlanarMotion
     energies: Energies | None = None
-    """Of potentials that are proved at once."""
+    """Energies of potentials that are proved at once."""
     rational: "RationalFamily | None" = None
     """The potentials as sums of powers, at the tier ``high`` alone, which is for these."""
 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is asked of the points of a group."""
+    """The question about the points of a group."""
 
     side: Side
     squares: Sequence[fmpq]
@@ -126,15 +133,15 @@ class FamilyOfBlock:
         templates, doubles = self._family.templates, self._parameters.doubles
         order, groups = templates.model.order, list[Group]()
         # Those whose signs are alike mostly share a template, and its constants are doubles that are known.
-        signs = np.sign(doubles[indices])
+        signs, left = np.sign(doubles[indices]), indices
         for pattern in [] if order is None or has_rests else np.unique(signs, axis=0):
             alike = indices[(signs == pattern).all(axis=1)]
             first = self._constants(int(alike[len(alike) // 2]))
             if first is not None:
                 rows, are_own = first.template.rows(doubles[alike][:, order])
                 groups.append(Group(first.template, rows[are_own], alike[are_own]))
-                indices = np.setdiff1d(indices, alike[are_own])
-        found = {index: self._constants(index) for index in indices.tolist()}
+                left = np.setdiff1d(left, alike[are_own])
+        found = {index: self._constants(index) for index in left.tolist()}
         known = {index: constants for index, constants in found.items() if constants is not None}
         return [each for each in [*groups, *grouped(known, has_rests=has_rests)] if len(each.indices)]
 
@@ -407,7 +414,7 @@ def _bodies(stated: Sequence[StatedPoint], unit: fmpq = _ONE) -> Bodies:
 
 @dataclass(frozen=True, slots=True)
 class RowPlan:
-    """What the points of a sweep, or of a part of it, have in common; axes are told by their index."""
+    """The data that points of a sweep, or of a slice, have in common; axes are told by their index."""
 
     problem: Problem
     """The first point's."""
