@@ -144,8 +144,8 @@ def not_a_power_sum(*_: object) -> None:
 @contextmanager
 def without_power_sums() -> Iterator[None]:
     with (
-        patch("workers.sweeping.plan.judge_power_sum", not_a_power_sum),
-        patch("workers.sweeping.varying_body.block.judge_power_sum", not_a_power_sum),
+        patch("service.dynamics.verdict.proofs.power_sums.judge_power_sum", not_a_power_sum),
+        patch("workers.sweeping.planar.potentials.judge_power_sum", not_a_power_sum),
     ):
         yield
 
@@ -167,7 +167,7 @@ def without_elliptic_enclosures() -> Iterator[None]:
 def without_roots() -> Iterator[None]:
     with (
         patch("workers.solvers.compiled.solve.rational_radicand", nothing),
-        patch("workers.sweeping.plan._rational", nothing),
+        patch("workers.sweeping.planar.by_roots.rational_family", nothing),
     ):
         yield
 

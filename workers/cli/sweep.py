@@ -199,7 +199,7 @@ def _run(
     sweep: Sweep, document: object, file: PointFile | None, settings: Settings, workers: int, report: _Report
 ) -> int:
     way = _way_of(sweep)
-    sandbox = Sandbox(workers, memory_mb=settings.job_memory_mb, preload=["workers.sweeping.planar.block"])
+    sandbox = Sandbox(workers, memory_mb=settings.job_memory_mb, preload=["workers.sweeping.rows"])
     pool = LocalPool(sweep, document, sandbox, way=way, workers=workers, seconds=settings.job_seconds)
     stop, tally, began = StopAsked(), Tally(), time.monotonic()
     try:

@@ -5,6 +5,8 @@ Points that no block can do are computed one by one, by the functions of a singl
 
 import json
 import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -13,31 +15,23 @@ from numpy.typing import NDArray
 
 from service.dynamics.problem import PlanarMotion
 from service.jobs.kernels import NeedsKernelsError
-from service.jobs.records import ChunkOutcome
+from service.jobs.records import ChunkOutcome, Refused, SolveOutcome
+from service.local.worker_process import own_host
 from service.schemas.problem.problem import read_problem
-from service.schemas.sweep.sweep import FEW, Sweep, trusted_sweep
-from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
+from service.schemas.reading.documents import InvalidProblemError
+from service.schemas.sweep.sweep import FEW, Sweep, kept_numbers, trusted_sweep
+from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome, decode_arrays
 from service.verdicts.cached import ResultCache
 from workers.computation.compiled_code import GROUPS, keep_compiled_code, way_for
-from workers.solvers.ways import NotReadyError, Way, on_way
-from workers.sweeping.plan import Plan, make_plan, plan_varying
-
-if TYPE_CHECKING:
-    from workers.sweeping.planar.block import BlockSolver
-    from workers.sweeping.planar.records import SolvedBlock
-    from workers.sweeping.slices import SlicedSolver
-    from workers.sweeping.states import StateSolver
-    from workers.sweeping.varying_body.block import VaryingSolver
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-
-from service.jobs.records import Refused, SolveOutcome
-from service.local.worker_process import own_host
-from service.schemas.reading.documents import InvalidProblemError
-from service.schemas.sweep.sweep import kept_numbers
-from service.storage.codecs.packing import decode_arrays
 from workers.computation.compute import solve_checked, solve_document
 from workers.computation.summary import provenance
+from workers.solvers.ways import NotReadyError, Way, on_way
+from workers.sweeping.plan import OWN_PLAN_POINTS, Plan, make_plan, outer_axes, plan_judged
+
+if TYPE_CHECKING:
+    from workers.sweeping.planar.doubles import SolvedBlock
+    from workers.sweeping.rows import RowSolver
+    from workers.sweeping.states import StateSolver
 
 FloatArray = NDArray[np.float64]
 
@@ -105,9 +99,6 @@ MOST_CACHED_VERDICTS = 1000
 MOST_SERIES_NUMBERS = 400_000
 """Numbers of a block's series at most."""
 
-OWN_PLAN_POINTS = 100
-"""Points from which on a plan for those with the same body and exponents is cheaper than one for each."""
-
 _NOTHING = np.empty(0)
 
 
@@ -146,34 +137,34 @@ class ChunkSolver:
 
     def __init__(self, plan: Plan, way: Way = "compiled", *, waits: bool = False) -> None:
         self._plan, self._way, self._waits = plan, way, waits
-        self._blocks: BlockSolver | VaryingSolver | SlicedSolver | StateSolver | None = None
-        self._slices: SlicedSolver | None = None
-        if way == "plain":
-            pass
-        elif plan.compiled is not None:
-            keep_compiled_code()
-            # The compiler is loaded only where it is needed.
-            from workers.sweeping.planar import block  # noqa: PLC0415
+        self._blocks: RowSolver | StateSolver | None = None
+        self._slices: RowSolver | None = None
+        if way == "compiled":
+            self._begin_blocks(plan)
+        self._compared = set[str]()
+        self._verdicts, self._judged = ResultCache({}), 0
 
-            self._blocks = block.BlockSolver(plan.sweep, plan.compiled)
-        elif plan.states:
+    def _begin_blocks(self, plan: Plan) -> None:
+        """Choose what solves blocks of points; the compiler is loaded only where it is needed."""
+        if plan.states:
             keep_compiled_code()
             from workers.sweeping import states  # noqa: PLC0415
 
             self._blocks = states.StateSolver(plan.sweep)
-        elif _may_be_cut(plan):
-            keep_compiled_code()
-            from workers.sweeping import slices  # noqa: PLC0415
-            from workers.sweeping.varying_body import block as varying  # noqa: PLC0415
+            return
+        rows, outer = plan.rows, None
+        if rows is None and _may_be_cut(plan):
+            rows = plan_judged(plan.sweep)
+            outer = outer_axes(plan.sweep, 1 if rows is None else OWN_PLAN_POINTS)
+        if rows is None and outer is None:
+            return
+        keep_compiled_code()
+        from workers.sweeping.rows import RowSolver  # noqa: PLC0415
 
-            data = plan_varying(plan.sweep)
-            outer = slices.outer_axes(plan.sweep, 1 if data is None else OWN_PLAN_POINTS)
-            if outer is not None:
-                self._blocks = self._slices = slices.SlicedSolver(plan.sweep, outer)
-            elif data is not None:
-                self._blocks = varying.VaryingSolver(plan.sweep, data)
-        self._compared = set[str]()
-        self._verdicts, self._judged = ResultCache({}), 0
+        if outer is None:
+            self._blocks = RowSolver(plan.sweep, rows)
+        else:
+            self._blocks = self._slices = RowSolver(plan.sweep, None, outer)
 
     def solve(self, first: int, count: int, until: float) -> ChunkPoints:
         """Solve points in turn until ``time.perf_counter()`` is ``until``, at least one."""
@@ -234,8 +225,7 @@ class ChunkSolver:
         ) and all(np.array_equal(rows[index], alone.series[name]) for name, rows in block.series.items())
 
     def _alone(self, index: int) -> SweepPoint:
-        slices = self._slices
-        is_judged = self._plan.is_judged or (slices is not None and slices.is_judged(index))
+        is_judged = self._plan.is_judged or (self._slices is not None and self._slices.is_judged(index))
         if not self._judged % MOST_CACHED_VERDICTS:
             self._verdicts = ResultCache({})
         self._judged += 1

@@ -38,18 +38,10 @@ from workers.solvers.integration.interface import neighbour_of, rounded_moments
 from workers.solvers.integration.programs import SharedGradient, shared_gradient
 from workers.solvers.integration.solve import run_request_of, tolerances
 from workers.sweeping.parameters.family import has_symbol
+from workers.sweeping.parameters.models import model_of
 from workers.sweeping.parameters.points import SweptPoints, are_numbers, listed_exactly
-from workers.sweeping.planar.records import SolvedBlock, printed_errors
-from workers.sweeping.varying_body.models import model_of
-from workers.sweeping.varying_body.templates import (
-    MOMENTS,
-    MOST_TEMPLATES,
-    Key,
-    Model,
-    MomentsOfPoint,
-    Template,
-    shared_template,
-)
+from workers.sweeping.parameters.templates import MOMENTS, Model, MomentsOfPoint, Template, Templates
+from workers.sweeping.planar.doubles import SolvedBlock, printed_errors
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -57,34 +49,25 @@ IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class Shared:
-    """The program and the gradients that points of one structure share."""
+class PointConstants:
+    """The constants of one point, and those of its gradient."""
 
     template: Template
     slopes: SharedGradient
-
-
-@dataclass(frozen=True, slots=True)
-class PointConstants:
-    """The constants of one point."""
-
-    shared: Shared
-    constants: Sequence[float]
-    slopes: Sequence[float]
-    other_slopes: Sequence[float]
+    row: Sequence[float]
+    own: Sequence[float]
+    """The gradient's, by the first of ``ROUNDINGS``."""
+    other: Sequence[float]
+    """And by the second."""
 
 
 class SharedModels:
     """Finds the constants of points of one sweep."""
 
     def __init__(self, model: Model, problem: Problem) -> None:
-        self._model, self._body = model, problem.body
-        body = problem.body
-        B = None if body.B is None else fmpq(body.B.numerator, body.B.denominator)
-        self._moments = MomentsOfPoint(
-            fmpq(body.A.numerator, body.A.denominator), B, fmpq(body.C.numerator, body.C.denominator)
-        )
-        self._shared: dict[Key, Shared | None] = {}
+        self._model, self._body, self._moments = model, problem.body, MomentsOfPoint.of(problem.body)
+        self._templates = Templates(model)
+        self._gradients: dict[int, tuple[Template, SharedGradient | None]] = {}
 
     @staticmethod
     def of(sweep: Sweep, problem: Problem) -> "SharedModels | None":
@@ -100,50 +83,41 @@ class SharedModels:
     def row(self, numbers: Sequence[fmpq]) -> PointConstants | None:
         """Return the constants of the potential with these numbers on its axes; None: read its document."""
         values = self._model.values(self._moments, numbers)
-        if values is None:
+        found = None if values is None else self._templates.at(self._moments, numbers, values)
+        slopes = None if found is None or not found.template.varying else self._gradient(found.template)
+        if found is None or slopes is None:
             return None
-        key = self._model.key(values)
-        if key not in self._shared and len(self._shared) < MOST_TEMPLATES:
-            self._shared[key] = self._new(numbers)
-        shared = self._shared.get(key)
-        if shared is None:
+        exact = [None if number is None else as_fraction(number) for number in found.exact]
+        own, other = (slopes.constants(exact, rounding) for rounding in ROUNDINGS)
+        if own is None or other is None:
             return None
-        exact = shared.template.numbers(values)
-        constants = shared.template.row(exact)
-        if not shared.template.is_of(constants):
-            return None
-        fractions = [None if number is None else Fraction(int(number.p), int(number.q)) for number in exact]
-        slopes, other = (shared.slopes.constants(fractions, rounding) for rounding in ROUNDINGS)
-        if slopes is None or other is None:
-            return None
-        return PointConstants(shared, constants, slopes, other)
+        return PointConstants(found.template, slopes, found.row, own, other)
 
     def models(self, rows: Sequence[PointConstants]) -> Models:
         """Return the models of points of one structure."""
-        shared = rows[0].shared
-        gradient, count = shared.slopes.gradient, len(rows)
+        gradient, count = rows[0].slopes.gradient, len(rows)
         own, other = (rounded_moments(self._body, rounding) for rounding in ROUNDINGS)
         return Models(
-            shared.template.program.gradient,
+            rows[0].template.program.gradient,
             gradient.code,
             gradient.gradient,
             gradient.registers,
-            np.array([row.constants for row in rows]).reshape(count, -1),
-            np.array([row.slopes for row in rows]).reshape(count, -1),
-            np.array([row.other_slopes for row in rows]).reshape(count, -1),
+            np.array([each.row for each in rows]).reshape(count, -1),
+            np.array([each.own for each in rows]).reshape(count, -1),
+            np.array([each.other for each in rows]).reshape(count, -1),
             np.tile(own, (count, 1)),
             np.tile(other, (count, 1)),
         )
 
-    def _new(self, numbers: Sequence[fmpq]) -> Shared | None:
-        template = shared_template(self._model, self._moments, numbers)
-        probes = self._model.probes(self._moments, numbers)
-        if template is None or probes is None:
-            return None
-        try:
-            return Shared(template, shared_gradient(probes[0][1], nearest_double))
-        except UnsupportedFormulaError:
-            return None
+    def _gradient(self, template: Template) -> SharedGradient | None:
+        key = id(template)
+        if key not in self._gradients:
+            try:
+                found = shared_gradient(template.tape, nearest_double)
+            except UnsupportedFormulaError:
+                found = None
+            self._gradients[key] = template, found
+        return self._gradients[key][1]
 
 
 ROUNDINGS = nearest_double, neighbour_of
@@ -238,7 +212,7 @@ class StateSolver:
         for index in indices.tolist():
             row = self._row(points, index)
             if row is not None:
-                members, known = rows.setdefault(id(row.shared), ([], []))
+                members, known = rows.setdefault(id(row.template), ([], []))
                 members.append(index)
                 known.append(row)
                 continue

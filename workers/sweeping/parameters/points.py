@@ -17,17 +17,19 @@ from service.dynamics.sweep_axes import ListedAxis
 from service.schemas.reading.numbers import LARGEST, LATEST
 from service.schemas.sweep.sweep import Sweep, SweepAxis
 from workers.sweeping.parameters.coefficients import Coefficients
-from workers.sweeping.parameters.programs import double_of
+from workers.sweeping.parameters.templates import double_of
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
+ListedNumbers = Sequence[Mapping[float, fmpq | None]]
+"""The result of :func:`listed_exactly` for each axis."""
 
 
 class SweptPoints:
     """The numbers on the axes at some points, as doubles and exactly."""
 
-    def __init__(self, sweep: Sweep, known: Sequence[Mapping[float, fmpq | None]], indices: IntArray) -> None:
+    def __init__(self, sweep: Sweep, known: ListedNumbers, indices: IntArray) -> None:
         self.count = len(indices)
         self.doubles = np.stack(list(sweep.columns_at(indices).values()))
         self._sweep = sweep
@@ -47,6 +49,10 @@ class SweptPoints:
     def exact_row(self, index: int, axes: Sequence[int]) -> list[fmpq]:
         """Return the numbers on several axes."""
         return [self.exact(axis, index) for axis in axes]
+
+    def sizes(self, axis: int | None, indices: IntArray) -> FloatArray | None:
+        """Return the absolute values of the numbers on an axis at some points; None without an axis."""
+        return None if axis is None else np.abs(self.doubles[axis, indices])
 
     def parameters(self, coefficients: Coefficients, axes: Sequence[int]) -> "Parameters":
         """Return the coefficients that the numbers on these axes make."""

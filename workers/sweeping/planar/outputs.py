@@ -28,9 +28,9 @@ from workers.solvers.evidence import drifts_of
 from workers.solvers.orientation.advance import estimate
 from workers.solvers.orientation.by_doubles import advances_by_doubles
 from workers.solvers.stability.by_doubles import Perturbed
-from workers.sweeping.parameters.programs import Group
+from workers.sweeping.parameters.templates import Group
 from workers.sweeping.planar.doubles import logarithms_of
-from workers.sweeping.planar.records import Side
+from workers.sweeping.planar.potentials import Side
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -21,7 +21,8 @@ from workers.sweeping.parameters.family import (
     prove_family,
     smooth_poles,
 )
-from workers.sweeping.parameters.programs import affine_program
+from workers.sweeping.parameters.models import model_of
+from workers.sweeping.parameters.templates import MomentsOfPoint, Templates
 
 BODY = RigidBody(Fraction(2), Fraction(3, 2), Fraction(1))
 OTHER = RigidBody(Fraction(17, 10), None, Fraction(1))
@@ -86,25 +87,37 @@ def test_what_is_not_admissible_for_all_numbers_is_not_proved(document, paths):
 
 def test_constants_are_those_of_the_formula_compiled_alone():
     document = expression("a*g1/3 - 2*(b + 1/7)/(-g3^2)/20 + sqrt(2)*(a-b)*g1", a=1, b=1)
-    program = affine_program(BODY, document, (A, B), (1, 1))
-    numbers = [(Fraction(1, 3), Fraction(2, 7)), (Fraction(-13, 10), Fraction(1, 100))]
-    doubles = np.array([[float(number) for number in row] for row in numbers])
-    exact = [[fmpq(number.numerator, number.denominator) for number in row] for row in numbers]
-    rows = program.rows(doubles, exact)
-    assert program.are_generic(rows).all()
-    for found, row in zip(rows, numbers, strict=True):
-        member = with_values(document, {A: str(row[0]), B: str(row[1])})
-        alone, constants = make_program(potential_of(member, BODY).tape)
-        assert alone.key == program.program.key
-        assert np.array_equal(found, constants)
+    numbers = (fmpq(1, 3), fmpq(2, 7)), (fmpq(-13, 10), fmpq(1, 100))
+    for found, member in (constants_at(document, a, b) for a, b in numbers):
+        alone, constants = make_program(member.tape)
+        assert found.template.varying
+        assert alone.key == found.template.program.key
+        assert np.array_equal(found.row, constants)
 
 
-@pytest.mark.parametrize(("a", "b"), [(0, 2), (1, 2), (-1, 2), (2, 2), (5, 2)])
+@pytest.mark.parametrize(("a", "b"), [(0, 2), (1, 2), (-1, 2), (2, 2), (5, 2), (3, 2), (3, "5/2")])
 def test_numbers_that_change_the_program_are_seen(a, b):
-    document = expression("a*g1 + b*g1*g2 + 5*g2", a=1, b=1)
-    program = affine_program(BODY, document, (A, B), (1, 1))
-    rows = program.rows(np.array([[a, b]], dtype=float), None)
-    assert not program.are_generic(rows)[0]
+    document = expression("a*g1 + 2*b*g1*g2 + 5*g2", a=1, b=1)
+    templates = Templates(model_of(document, (A, B), frozenset()))
+    constants_at(document, fmpq(7), fmpq(9), templates)
+    found, member = constants_at(document, number(a), number(b), templates)
+    alone, constants = make_program(member.tape)
+    assert alone.key == found.template.program.key
+    assert np.array_equal(found.row, constants)
+
+
+def number(text):
+    exact = Fraction(text)
+    return fmpq(exact.numerator, exact.denominator)
+
+
+def constants_at(document, a, b, templates=None):
+    """Return the constants of a point, and its potential by itself."""
+    templates = templates or Templates(model_of(document, (A, B), frozenset()))
+    moments, numbers = MomentsOfPoint.of(BODY), [a, b]
+    values = templates.model.values(moments, numbers)
+    member = with_values(document, {A: str(a), B: str(b)})
+    return templates.at(moments, numbers, values), potential_of(member, BODY)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

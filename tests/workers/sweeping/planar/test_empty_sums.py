@@ -10,9 +10,9 @@ from flint import fmpq
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.verdict.proofs.power_sums import judge_power_sum
 from workers.solvers.compiled.frame import Bodies, loops_of
-from workers.sweeping.varying_body.empty_sums import have_no_motion
-from workers.sweeping.varying_body.models import model_of
-from workers.sweeping.varying_body.templates import MomentsOfPoint
+from workers.sweeping.parameters.models import model_of
+from workers.sweeping.parameters.templates import MomentsOfPoint
+from workers.sweeping.planar.exclusions import sums_have_no_motion
 
 LOG_LAMBDA = math.log(0.9)
 
@@ -57,7 +57,7 @@ def test_no_motion_is_claimed_where_there_is_none_alone(motion):
     alpha = np.array([double(max(m.A / m.C, m.C / m.A)) for m, *_ in cases])
     bodies = Bodies(alpha, np.ones(len(cases)), np.array([m.A < m.C for m, *_ in cases]))
     loops = loops_of(bodies, motion, [LOG_LAMBDA] * len(cases))
-    claimed = have_no_motion([(m, judgement) for m, judgement, _ in cases], loops, motion)
+    claimed = sums_have_no_motion([(m, judgement) for m, judgement, _ in cases], loops, motion)
     seen = np.array([largest(m, potential, motion) for m, _, potential in cases])
     assert not (claimed & (seen > 0.0)).any()
     # What is clearly negative is proved too.

@@ -17,7 +17,7 @@ from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
 from workers.sweeping.parameters.coefficients import ExactParts, split_formula
 from workers.sweeping.parameters.family import Path, degree_in
-from workers.sweeping.varying_body.templates import Key, Model, MomentsOfPoint, kind_of
+from workers.sweeping.parameters.templates import Key, Model, MomentsOfPoint, kind_of
 
 _STEP = fmpq(104_729, 611_953)
 """A ratio of primes, far from any number that a formula would fold."""
@@ -32,36 +32,56 @@ def model_of(document: Mapping[str, object], paths: Sequence[Path], moments: fro
     kind = document.get("type")
     if kind == "expression" and all(path[0] == "parameters" for path in paths):
         return _expression(document, tuple(path[-1] for path in paths), moments)
-    if kind == "homogeneous" and all(path[0] in ("A", "B", "C") for path in paths):
-        return _homogeneous(document, paths)
-    # Their formulas do not know of the body.
-    return FixedModel(document) if kind in ("gravity", "rational") and not paths else None
+    # The formulas of two families do not know of the body.
+    if kind in ("gravity", "rational") or not moments:
+        return ListedModel(document, tuple(paths))
+    plain = kind == "homogeneous" and all(path[0] in ("A", "B", "C") for path in paths)
+    return _homogeneous(document, paths) if plain else None
 
 
 @dataclass(frozen=True, slots=True)
-class FixedModel:
-    """A potential without numbers that vary; "rational" is one for A = 2C."""
+class ListedModel:
+    """A potential whose numbers are those on the axes; "rational" is one for A = 2C."""
 
     document: Mapping[str, object]
+    paths: tuple[Path, ...]
+
+    @property
+    def order(self) -> Sequence[int] | None:
+        """See Model.order."""
+        return range(len(self.paths))
 
     def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """See Model.values."""
-        return []
+        return list(numbers)
 
     def key(self, values: Sequence[fmpq]) -> Key:
-        """See Model.key."""
-        return ()
+        """See Model.key: a family writes a sum by signs."""
+        return tuple(map(kind_of, values))
 
     def probes(
         self, moments: MomentsOfPoint, numbers: Sequence[fmpq]
     ) -> list[tuple[list[fmpq], Tape]] | None:
         """See Model.probes."""
-        tape = self.potential(moments, numbers).tape
-        return [([], tape), ([], tape)]
+        return [(probe, self.potential(moments, probe).tape) for probe in probes_like(numbers)]
 
     def potential(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Potential:
         """See Model.potential."""
-        return potential_of(self.document, moments.body())
+        values: dict[Path, object] = {
+            path: str(value) for path, value in zip(self.paths, numbers, strict=True)
+        }
+        return potential_of(with_values(self.document, values), moments.body())
+
+
+def probes_like(values: Sequence[fmpq]) -> tuple[list[fmpq], list[fmpq]]:
+    """Return two sets of numbers with the signs of these; what is 0, 1 or -1 stays, no two have one ratio."""
+    first, second = list[fmpq](), list[fmpq]()
+    for k, value in enumerate(values):
+        # Not large: some are exponents.
+        size = value if kind_of(value) in (0, 1, -1) else (13 + k) * _STEP * (1 if value > 0 else -1)
+        first.append(size)
+        second.append(size if size == value else size * (1 + _STEP / (7 + k)))
+    return first, second
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +98,12 @@ class ExpressionModel:
     """Makes them of the parameters on the axes, A, C and B."""
     needs_moment: bool
     """Whether B is in any of them."""
+
+    @property
+    def order(self) -> Sequence[int] | None:
+        """See Model.order."""
+        results = self.parts.results
+        return results if all(index < len(self.names) for index in results) else None
 
     def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """See Model.values."""
@@ -101,14 +127,7 @@ class ExpressionModel:
         if values is None:
             return None
         probes, body = list[tuple[list[fmpq], Tape]](), moments.body()
-        for stretch in (fmpq(1), 1 + _STEP):
-            # Not large: some are exponents.
-            probe = [
-                value
-                if kind_of(value) in (0, 1, -1)
-                else (13 + k) * _STEP * stretch * (1 if value > 0 else -1)
-                for k, value in enumerate(values)
-            ]
+        for probe in probes_like(values):
             shown: dict[Path, object] = {
                 ("parameters", hole): str(value) for hole, value in zip(self.holes, probe, strict=True)
             }
@@ -130,6 +149,11 @@ class HomogeneousModel:
     document: Mapping[str, object]
     paths: tuple[Path, ...]
     lists: Mapping[str, tuple[fmpq, ...]]
+
+    @property
+    def order(self) -> Sequence[int] | None:
+        """See Model.order."""
+        return None
 
     def values(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> list[fmpq] | None:
         """See Model.values: coefficients and exponents of each power, then what is beside A g1² + C g3²."""

@@ -1,1 +1,0 @@
-"""Blocks of motions whose bodies, exponents or potentials differ."""
