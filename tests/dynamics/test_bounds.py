@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import service
 import workers
-from service.dynamics.bounds import is_within, largest, printed_error
+from service.dynamics.numerics import is_within, largest, printed_error
 
 ERRORS = {
     *("error", "claim", "defect", "drift", "departure", "disagreement", "distance"),

@@ -24,9 +24,13 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.point import REALS, make_equator, place_of
 from service.dynamics.reduction.geometry.tight_form import tight_form
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, Shape, shape_of
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
+    Loops,
+    Shape,
+    loops_of_stretches,
+    shape_of,
+)
 from service.dynamics.reduction.sign_proofs.cells import Curves
-from service.dynamics.reduction.sign_proofs.equators import loops_of_stretches
 
 FloatArray = NDArray[np.float64]
 

@@ -14,7 +14,6 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.bands import Measured, WindowSeries, series_of
 from service.dynamics.atlas.curves import (
     LambdaStretch,
     PlainHalves,
@@ -24,7 +23,17 @@ from service.dynamics.atlas.curves import (
     zero_between,
 )
 from service.dynamics.atlas.grid_signs import GridSigns, grid_signs_at, radicand_ball, trusted_points
-from service.dynamics.atlas.parts import Atlas, AtlasPart, Beside, Change, LambdaRange, change_between
+from service.dynamics.atlas.parts import (
+    Atlas,
+    AtlasPart,
+    Beside,
+    Change,
+    LambdaRange,
+    Measured,
+    WindowSeries,
+    change_between,
+    series_of,
+)
 from service.dynamics.atlas.sign_maps import EQUATOR, Signature
 from service.dynamics.atlas.zeros import Zeros
 from service.dynamics.errors import DynamicsError

@@ -10,7 +10,6 @@ from fractions import Fraction
 from itertools import permutations
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import is_within
 from service.dynamics.classical.catalogue import CASES
 from service.dynamics.classical.conditions import (
     Misfit,
@@ -20,9 +19,14 @@ from service.dynamics.classical.conditions import (
     left_out_in_vain,
     misfit,
 )
-from service.dynamics.classical.errors import CaseCentreError, CaseConditionError, CaseMomentsError
 from service.dynamics.classical.protocol import ClassicalCase, Number
-from service.dynamics.errors import UnphysicalInertiaError
+from service.dynamics.errors import (
+    CaseCentreError,
+    CaseConditionError,
+    CaseMomentsError,
+    UnphysicalInertiaError,
+)
+from service.dynamics.numerics import is_within
 from service.dynamics.problem import ClassicalMotion
 
 _WHERE = {

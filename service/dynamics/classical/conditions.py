@@ -8,11 +8,10 @@ import numpy as np
 from flint import arb, ctx, fmpq, fmpq_poly
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import is_within
-from service.dynamics.classical.loop import CASE_BITS
-from service.dynamics.classical.protocol import ClassicalCase, real_roots
+from service.dynamics.classical.protocol import CASE_BITS, ClassicalCase, real_roots
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.solution.ball_columns import exact_middle
+from service.dynamics.numerics import is_within
+from service.dynamics.solution.dense_output import exact_middle
 
 CONDITION_RELATIVE_ROUNDING = 1e-15
 """Relative: moments that satisfy a condition so closely mean the ones that satisfy it."""

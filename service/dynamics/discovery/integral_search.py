@@ -19,8 +19,8 @@ from flint import fmpz_mpoly, nmod_mat
 
 from service.dynamics.discovery.closure import on_sphere, on_zero_areas
 from service.dynamics.discovery.functions import ORDER, Functions, Quotient
+from service.dynamics.discovery.independence import ModularPoint
 from service.dynamics.discovery.known import Candidate, candidates
-from service.dynamics.discovery.modular_points import ModularPoint
 from service.dynamics.discovery.outcomes import (
     FoundIntegral,
     FunctionTooLargeError,
@@ -46,9 +46,9 @@ from service.dynamics.discovery.strata import (
     special_strata,
 )
 from service.dynamics.formula.algebras.monomials import weighted_sum
+from service.dynamics.formula.parameters import MOMENTS
 from service.dynamics.formula.tree import VARIABLES, Tree
-from service.dynamics.potentials.terms.bound_formula import MOMENTS
-from service.dynamics.verdict.exact_ring.layout import NoProofError
+from service.dynamics.verdict.exact_ring.generators import NoProofError
 
 MAX_UNKNOWNS = 3000
 """Coefficients of one search."""

@@ -9,7 +9,7 @@ from fractions import Fraction
 from typing import ClassVar, Literal, TypeVar
 
 from service.dynamics.errors import DynamicsError
-from service.dynamics.verdict.refutations.counterexample import DecimalBall
+from service.dynamics.verdict.refutations import DecimalBall
 
 Document = dict[str, object]
 

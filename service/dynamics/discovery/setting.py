@@ -4,22 +4,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from service.dynamics.errors import DynamicsError, ImpossibleInertiaError
-from service.dynamics.formula.errors import FormulaError
-from service.dynamics.formula.parameters import bind
+from service.dynamics.errors import DynamicsError, FormulaError, ImpossibleInertiaError
+from service.dynamics.formula.parameters import MOMENTS, bind, require_parameter_names
 from service.dynamics.formula.parser import parse, parse_located
-from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.tree import (
     VARIABLES,
     Binary,
     Symbol,
     Tree,
+    exact_tree,
     fold_tree,
     post_order,
     with_operands,
 )
-from service.dynamics.potentials.terms.bound_formula import MOMENTS, require_parameter_names
 
 VELOCITIES = ("p", "q", "r")
 STATE = (*VELOCITIES, *VARIABLES)

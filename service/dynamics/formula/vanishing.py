@@ -11,7 +11,7 @@ from fractions import Fraction
 
 from flint import fmpq_poly
 
-from service.dynamics.formula.register_polynomials import RegisterPolynomials, written_in_g2
+from service.dynamics.formula.rewriting import RegisterPolynomials, written_in_g2
 from service.dynamics.formula.tape import Instruction, Recorder, Tape, without_unused
 
 _G2, _U = 1, 3

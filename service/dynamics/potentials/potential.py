@@ -19,14 +19,11 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.formula import derived
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets, SecondOrderJets
-from service.dynamics.formula.algebras.real import QuietedRealAlgebra, RealAlgebra
-from service.dynamics.formula.algebras.scalar import ScalarAlgebra
+from service.dynamics.formula.algebras.real import QuietedRealAlgebra, RealAlgebra, ScalarAlgebra
 from service.dynamics.formula.derived import Derivation
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.programs import MANY_EVALUATIONS, Way
+from service.dynamics.formula.programs import MANY_EVALUATIONS, Traced, Tracer, Way
 from service.dynamics.formula.tape import Tape, compile_tape
-from service.dynamics.formula.traces import Traced, Tracer
-from service.dynamics.formula.tree import VARIABLES, Tree
+from service.dynamics.formula.tree import VARIABLES, Tree, format_tree
 
 FloatArray = NDArray[np.float64]
 

@@ -34,7 +34,6 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.parameters import whole_number
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.formula.tree import (
     Binary,
@@ -43,10 +42,11 @@ from service.dynamics.formula.tree import (
     Number,
     Symbol,
     Tree,
+    exact_tree,
     fold_tree,
     with_operands,
 )
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition import ThreeTerms
 from service.dynamics.reduction.window import Window
 
 _BITS = 128

@@ -34,7 +34,6 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.vanishing import vanishing_parts
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.grid_minima import GridMinima, grid_minima_of
 from service.dynamics.reduction.root_finding.radicand import (
     DOUBLE_ZERO_BITS_SHARE,
     HalfLoop,
@@ -51,8 +50,16 @@ from service.dynamics.reduction.root_finding.zeros import (
     lowest_place,
     tends_to_zero,
 )
-from service.dynamics.reduction.separatrices import with_near_rests
-from service.dynamics.reduction.sign_proofs.cells import Half, half_of
+from service.dynamics.reduction.separatrices import GridMinima, grid_minima_of, with_near_rests
+from service.dynamics.reduction.sign_proofs.cells import (
+    Half,
+    Side,
+    half_of,
+    height_at,
+    is_negative_where_defined,
+    turn_on_stretch,
+    width_of,
+)
 from service.dynamics.reduction.sign_proofs.high_zeros import HighZero, high_zero
 from service.dynamics.reduction.sign_proofs.infinities import (
     Infinity,
@@ -76,13 +83,6 @@ from service.dynamics.reduction.sign_proofs.signs import (
     SignMap,
     first_sign_map,
     refined,
-)
-from service.dynamics.reduction.sign_proofs.signs_in_balls import (
-    Side,
-    height_at,
-    is_negative_where_defined,
-    turn_on_stretch,
-    width_of,
 )
 from service.dynamics.reduction.window import height
 

@@ -15,20 +15,18 @@ from math import inf, log2
 
 from flint import arb, ctx, fmpq
 
+from service.dynamics.errors import FormulaError
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.register_polynomials import RegisterPolynomials
-from service.dynamics.formula.rewriting import copied, with_half_angles
+from service.dynamics.formula.rewriting import RegisterPolynomials, copied, with_half_angles
 from service.dynamics.formula.tape import Instruction, Tape, compile_tape
-from service.dynamics.formula.tree import Tree
+from service.dynamics.formula.tree import Tree, format_tree
 from service.dynamics.potentials.families.general_formula import formula_of
 from service.dynamics.potentials.families.general_solution import GeneralPotential
 from service.dynamics.potentials.potential import FormulaPotential, Notice, Potential
-from service.dynamics.verdict.exact_ring.generators import Element
-from service.dynamics.verdict.exact_ring.layout import (
+from service.dynamics.verdict.exact_ring.generators import (
     MAX_TERM_PRODUCTS,
+    Element,
     Layout,
     NoProofError,
     UndefinedInOctantError,
@@ -36,8 +34,7 @@ from service.dynamics.verdict.exact_ring.layout import (
 )
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.proofs.element_text import ElementText, NoTextError
-from service.dynamics.verdict.proofs.equality import same_on_sphere
-from service.dynamics.verdict.proofs.proof import Signs, octants_of
+from service.dynamics.verdict.proofs.proof import Signs, octants_of, same_on_sphere
 from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra, in_large_enough_ring
 from service.dynamics.verdict.sphere.switches import normalise
 

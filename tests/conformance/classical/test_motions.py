@@ -8,8 +8,8 @@ import pytest
 
 from service.dynamics.classical.catalogue import CASES
 from service.dynamics.classical.classification import relations_of
-from service.dynamics.classical.errors import NearSeparatrixError
-from service.dynamics.equations.euler_poisson import areas_integral, energy_integral
+from service.dynamics.defect.equations import areas_integral, energy_integral
+from service.dynamics.errors import NearSeparatrixError
 from service.schemas.problem.problem import read_problem
 from tests.conformance.classical.specimens import (
     FREE,

@@ -13,9 +13,8 @@ from service.dynamics.discovery.outcomes import (
     UndefinedFunctionError,
 )
 from service.dynamics.discovery.setting import read_setting
-from service.dynamics.errors import ImpossibleInertiaError
+from service.dynamics.errors import FormulaError, ImpossibleInertiaError, UnknownNameError
 from service.dynamics.formula.algebras.symbolic import SymbolicAlgebra
-from service.dynamics.formula.errors import FormulaError, UnknownNameError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 

@@ -22,7 +22,7 @@ from service.dynamics.discovery.setting import read_setting
 from service.dynamics.discovery.strata import Letters, kernel, special_strata
 from service.dynamics.errors import EqualMomentsError
 from service.dynamics.inverse.projection import admissible_space
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.verdict.verdict import decide
 from tests.support.effort import examples
 

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.equations import euler_poisson
-from service.dynamics.equations.euler_poisson import (
+from service.dynamics.defect import equations
+from service.dynamics.defect.equations import (
     FourOperations,
     areas_integral,
     energy_integral,
@@ -24,9 +24,8 @@ from service.dynamics.equations.euler_poisson import (
     rates_in,
 )
 from service.dynamics.errors import MissingMomentError
-from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.gravity import gravity_potential
-from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential, rational_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.potentials.potential import Potential
 from tests.support.formulas import POTENTIALS
 
@@ -72,7 +71,7 @@ def test_the_integrals_are_stationary_exactly(numbers: list[Fraction], moments: 
 
 
 def test_every_other_place_where_the_rates_are_written_is_listed_here() -> None:
-    root = Path(euler_poisson.__file__).parents[3]
+    root = Path(equations.__file__).parents[3]
     sources = (path for folder in ("service", "workers") for path in (root / folder).rglob("*.py"))
     written = {
         path.relative_to(root).as_posix()

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
 from service.dynamics.errors import DynamicsError
+from service.dynamics.numerics import largest
 from service.dynamics.solution.dense_output import chebyshev_points, chebyshev_series
 
 FloatArray = NDArray[np.float64]

@@ -28,12 +28,11 @@ from typing import Protocol
 
 from flint import arb
 
-from service.dynamics.bounds import ErrorKind
 from service.dynamics.motion import Estimate, Motion
+from service.dynamics.numerics import ErrorKind
 from service.dynamics.problem import Problem
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.start import StartingPoint
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import StartingPoint, Window
 from workers.solvers.assembly.dense import ResolvedMotion
 from workers.solvers.orbits.near_rest import SlowOrbit, is_slow, slow_orbit
 from workers.solvers.orbits.orbit import RATE_NUDGE, Libration, Rotation, make_orbit, somewhere_on

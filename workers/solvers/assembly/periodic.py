@@ -9,8 +9,8 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.accuracy import LARGEST_TOLERANCE
-from service.dynamics.bounds import is_within, largest
 from service.dynamics.motion import COLUMNS, Motion, PlaceError
+from service.dynamics.numerics import is_within, largest
 from service.dynamics.problem import Problem
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period

@@ -1,6 +1,6 @@
 """Identifies the elliptic motion of a planar motion: its interval, mirror image and phase at t = 0.
 
-The rules are those of :mod:`service.dynamics.reduction.start`, decided by
+The rules are those of :mod:`service.dynamics.reduction.window`, decided by
 proven inequalities of the roots alone. What they do not decide is left open.
 """
 
@@ -8,7 +8,7 @@ from flint import arb
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition import ThreeTerms
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
 from workers.solvers.certified.elliptic import EllipticMotion, make_elliptic_motion
 from workers.solvers.three_terms.intervals import MotionInterval, intervals, make_curve

@@ -10,8 +10,14 @@ from numpy.typing import NDArray
 
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.start import StartingPoint, StartOutsideWindowError, starting_point
-from service.dynamics.reduction.window import Arc, EndKind, Window
+from service.dynamics.reduction.window import (
+    Arc,
+    EndKind,
+    StartingPoint,
+    StartOutsideWindowError,
+    Window,
+    starting_point,
+)
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.certified.doubles import room
 

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.defect.accumulation import Blocks, StretchBatch, defect_within
 from service.dynamics.defect.equations import Equations
-from service.dynamics.defect.evidence import STATE_RELATIVE_ROUNDING
-from service.dynamics.defect.unresolved import hides_something
+from service.dynamics.defect.evidence import STATE_RELATIVE_ROUNDING, hides_something
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.integration.errors import StepCollapseError
 from workers.solvers.integration.interface import Integrator, Run, joined, stacked, too_many_steps

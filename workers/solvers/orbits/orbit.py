@@ -20,8 +20,7 @@ from typing import Protocol
 from flint import arb, ctx
 
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
-from service.dynamics.reduction.start import StartingPoint
-from service.dynamics.reduction.window import Arc
+from service.dynamics.reduction.window import Arc, StartingPoint
 
 RATE_NUDGE = arb(2) ** -30
 """dt/dθ is even about a turning point: 2^-30 beside it, it differs by 2^-60 of itself."""

@@ -24,8 +24,7 @@ from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.motion import Estimate
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.windows import REDUCTION_BITS
-from service.dynamics.solution.ball_columns import split
-from service.dynamics.solution.dense_output import Advance
+from service.dynamics.solution.dense_output import Advance, split
 from workers.solvers.quadrature.time_map import make_time_map
 
 EQUATOR_NUDGE = arb(2) ** -60

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from service.dynamics.bounds import largest
+from service.dynamics.numerics import largest
 from service.dynamics.solution.dense_output import (
     Period,
     chebyshev_coefficients,

@@ -28,7 +28,7 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
+from service.dynamics.numerics import largest
 from service.dynamics.solution.dense_output import Period, chebyshev_points
 from workers.solvers.assembly.time_map import TimeMap
 from workers.solvers.errors import PrecisionLostError

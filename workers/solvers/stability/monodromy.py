@@ -25,8 +25,8 @@ from flint import arb
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
 from service.dynamics.errors import DynamicsError
+from service.dynamics.numerics import largest
 from service.dynamics.solution.dense_output import EPSILON
 from workers.solvers.orbits.orbit import Libration, Rotation
 from workers.solvers.quadrature.errors import QuadratureNotConvergedError

@@ -22,7 +22,7 @@ from flint import arb
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition import ThreeTerms
 
 
 class RootsUndecidedError(DynamicsError):

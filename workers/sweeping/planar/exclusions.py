@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, have_no_motion, shape_of
-from service.dynamics.reduction.sign_proofs.equators import equators
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Loops, equators, have_no_motion, shape_of
 from workers.solvers.compiled.evaluation.program import (
     ABS,
     ADD,

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import printed_error
 from service.dynamics.motion import COLUMNS
+from service.dynamics.numerics import printed_error
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.windows import NoMotionError
 from service.schemas.sweep.sweep import Sweep

@@ -11,7 +11,7 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.formula.algebras.interval_bounds import (
+from service.dynamics.formula.algebras.intervals import (
     FUNCTION_ROUNDING,
     LARGEST_LOGARITHM,
     OPERATION_ROUNDING,
@@ -21,10 +21,10 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
     CELL_MIN_RELATIVE_WIDTH,
     Cells,
     all_negative,
+    equators,
     heights_of,
     sines,
 )
-from service.dynamics.reduction.sign_proofs.equators import equators
 from service.dynamics.verdict.proofs.power_sums import Judgement, Term, have_g2, number_of
 from workers.solvers.compiled.records import Records
 from workers.sweeping.parameters.programs import double_of

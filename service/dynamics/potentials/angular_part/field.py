@@ -43,8 +43,7 @@ from service.dynamics.formula.algebra import Algebra, Arithmetic
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
-from service.dynamics.potentials.angular_part.balls import angular_balls, curve_ball
-from service.dynamics.potentials.angular_part.curve_function import CurveFunction
+from service.dynamics.potentials.angular_part.balls import CurveFunction, angular_balls, curve_ball
 
 FloatArray = NDArray[np.float64]
 IntegrandFunction = Callable[[FloatArray], FloatArray]

@@ -12,8 +12,20 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Bounds, Cells, Loops
-from service.dynamics.reduction.sign_proofs.cells import CellSigns, Curves, Half, signs_on_cells
+from service.dynamics.formula.algebras.intervals import Bounds
+from service.dynamics.reduction.sign_proofs.bounds_in_doubles import Cells, Loops
+from service.dynamics.reduction.sign_proofs.cells import (
+    Bound,
+    CellSigns,
+    Curves,
+    Half,
+    Side,
+    bound_on_cell,
+    bound_on_stretch,
+    signs_on_cells,
+    turn_on_stretch,
+    width_of,
+)
 from service.dynamics.reduction.sign_proofs.signs import (
     CELLS,
     FOUND,
@@ -26,14 +38,6 @@ from service.dynamics.reduction.sign_proofs.signs import (
     joined,
     parts_of,
     refined,
-)
-from service.dynamics.reduction.sign_proofs.signs_in_balls import (
-    Bound,
-    Side,
-    bound_on_cell,
-    bound_on_stretch,
-    turn_on_stretch,
-    width_of,
 )
 
 CUT_ROUNDS = 4

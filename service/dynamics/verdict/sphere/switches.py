@@ -15,8 +15,7 @@ from fractions import Fraction
 from flint import fmpq_mpoly
 
 from service.dynamics.formula.algebras.monomials import as_fraction
-from service.dynamics.formula.register_polynomials import RegisterPolynomials
-from service.dynamics.formula.rewriting import TapeBuilder, copied, with_signs
+from service.dynamics.formula.rewriting import RegisterPolynomials, TapeBuilder, copied, with_signs
 from service.dynamics.formula.tape import Instruction, Tape
 
 _ORDER = (1, 0, 2)

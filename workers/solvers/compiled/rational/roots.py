@@ -28,7 +28,7 @@ from flint import acb, arb, ctx, fmpq, fmpq_poly, fmpz_poly
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.monomials import added_up, as_fmpq, without_zeros
 from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.dynamics.potentials.terms.laurent import Laurent, laurent
+from service.dynamics.potentials.recognition import Laurent, laurent
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.three_terms.intervals import RootsUndecidedError, positive_stretches
