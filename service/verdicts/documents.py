@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.discovery.known import known_cases
-from service.dynamics.discovery.outcomes import FunctionTooLargeError, NotPolynomialError
 from service.dynamics.discovery.potential_search import ratios_that_admit
+from service.dynamics.discovery.setting import FunctionTooLargeError, NotPolynomialError
 from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from service.catalogue import cases
-from service.dynamics.defect.equations import euler_poisson_rhs
+from service.dynamics.equations.euler_poisson import euler_poisson_rhs
 from service.jobs.records import Solved
 from service.schemas.problem.problem import read_problem
 from tests.conformance.specimens import CATALOGUE, Specimen

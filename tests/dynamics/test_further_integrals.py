@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.equations import areas_integral
+from service.dynamics.equations.euler_poisson import areas_integral
 from service.dynamics.further_integrals import (
     FurtherIntegral,
     find_further_integrals,

@@ -7,8 +7,8 @@ import numpy as np
 import sympy
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.equations import StateRates, euler_poisson_rhs
 from service.dynamics.equations.compatibility import energy_on_curve, pde_residual
+from service.dynamics.equations.euler_poisson import StateRates, euler_poisson_rhs
 from service.dynamics.formula.algebras.symbolic import sympy_expression
 from service.dynamics.potentials.potential import Potential
 

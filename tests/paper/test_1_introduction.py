@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from service.dynamics.defect.equations import areas_integral, energy_integral, geometric_integral
+from service.dynamics.equations.euler_poisson import areas_integral, energy_integral, geometric_integral
 from service.dynamics.potentials.families.coefficients import gravity_potential
 from tests.paper.forms import printed_rates, service_rates
 from tests.support.planar import body, formula

@@ -116,7 +116,7 @@ UNUSED_SECONDS = 30 * 86400.0
 """After so long code that no complete set has used is removed."""
 
 _PACKAGE = compiled.__name__
-_SHARED = "service.dynamics.defect.equations"
+_SHARED = "service.dynamics.equations.euler_poisson"
 """The module beside the package from which kernels are made."""
 _IMPORTS = re.compile(
     rf"^from ({re.escape(_PACKAGE)}[\w.]*|{re.escape(_SHARED)}) import ".encode(), re.MULTILINE

@@ -15,7 +15,8 @@ from flint import arb, ctx
 
 from service.dynamics.accuracy import SMALLEST_TOLERANCE, GroupError, keeps
 from service.dynamics.classical.classification import relations_of
-from service.dynamics.defect.equations import Equations, areas_integral
+from service.dynamics.defect.equations import Equations
+from service.dynamics.equations.euler_poisson import areas_integral
 from service.dynamics.equations.orientation import (
     PRECESSION,
     QUATERNION,

@@ -18,8 +18,8 @@ from flint import arb, ctx
 
 from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.parts import AtlasPart, LambdaRange
-from service.dynamics.discovery.outcomes import Tell, part_of, steps_of, untold
 from service.dynamics.discovery.potential_search import ratios_that_admit
+from service.dynamics.discovery.setting import Tell, part_of, steps_of, untold
 from service.dynamics.errors import DynamicsError
 from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball

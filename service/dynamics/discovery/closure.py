@@ -15,8 +15,7 @@ from math import isqrt
 from flint import arb, fmpz_mpoly
 
 from service.dynamics.discovery.functions import ORDER, Functions, Quotient, SolvedRelation
-from service.dynamics.discovery.outcomes import EmptyRelationsError
-from service.dynamics.discovery.setting import STATE
+from service.dynamics.discovery.setting import STATE, EmptyRelationsError
 from service.dynamics.discovery.strata import by_powers, evaluated, root_modulo
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.parameters import MOMENTS

@@ -20,8 +20,7 @@ from flint import Ordering, arb_mat, ctx, fmpz_mpoly, fmpz_mpoly_ctx, nmod_mat, 
 from service.dynamics.discovery.closure import Closure, areas_polynomial, balls_of, point_modulo, states
 from service.dynamics.discovery.functions import ORDER, FunctionQuestion, Functions, Quotient, gradient_balls
 from service.dynamics.discovery.known import candidates
-from service.dynamics.discovery.outcomes import IntegralJudgement
-from service.dynamics.discovery.setting import STATE
+from service.dynamics.discovery.setting import STATE, IntegralJudgement
 from service.dynamics.discovery.strata import (
     PRIME,
     Row,

@@ -21,10 +21,13 @@ from service.dynamics.discovery.closure import on_sphere, on_zero_areas
 from service.dynamics.discovery.functions import ORDER, Functions, Quotient
 from service.dynamics.discovery.independence import ModularPoint
 from service.dynamics.discovery.known import Candidate, candidates
-from service.dynamics.discovery.outcomes import (
+from service.dynamics.discovery.setting import (
+    POTENTIAL_POINTER,
+    STATE,
     FoundIntegral,
     FunctionTooLargeError,
     IntegralSearch,
+    LetteredSetting,
     NotPolynomialError,
     SearchTooLargeError,
     SpecialIntegrals,
@@ -33,7 +36,6 @@ from service.dynamics.discovery.outcomes import (
     thirds_of,
     untold,
 )
-from service.dynamics.discovery.setting import POTENTIAL_POINTER, STATE, LetteredSetting
 from service.dynamics.discovery.strata import (
     EVERYWHERE,
     Letters,

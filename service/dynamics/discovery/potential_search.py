@@ -14,18 +14,19 @@ from itertools import product as pairs_of
 from flint import Ordering, acb_poly, fmpz_mpoly, fmpz_mpoly_ctx, fmpz_poly
 
 from service.dynamics.discovery.functions import Functions
-from service.dynamics.discovery.outcomes import (
+from service.dynamics.discovery.setting import (
+    POTENTIAL_POINTER,
     AdmittingRatios,
     NotPolynomialError,
     PotentialSearch,
     SearchTooLargeError,
     SpecialRatio,
     Tell,
+    read_setting,
     steps_of,
     thirds_of,
     untold,
 )
-from service.dynamics.discovery.setting import POTENTIAL_POINTER, read_setting
 from service.dynamics.discovery.strata import (
     PRIME,
     Letters,

@@ -2,7 +2,8 @@
 
 The families' lists of coefficients are checked here too.
 
-Logarithmic potentials are those of F(w) = w^m. With A/C = α = N/m, Q = α g1² + g3², ρ = g1² + g3² and T = Q/ρ,
+Logarithmic potentials are those of F(w) = w^m. With A/C = α = N/m, Q = α g1² + g3², ρ = g1² + g3² and
+T = Q/ρ,
 
     V = ρ^(N-m) T ∫ (α-t)^N (t-1)^(-m) t^(-2) dt  at t = T,     H[V] = -(α-1)^(N-m) λ^(2N).
 

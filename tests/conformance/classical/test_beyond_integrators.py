@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from service.dynamics.classical.classification import relations_of
-from service.dynamics.defect.equations import areas_integral, energy_integral
+from service.dynamics.equations.euler_poisson import areas_integral, energy_integral
 from service.schemas.problem.problem import read_problem
 from tests.conformance.classical.specimens import document, example, placed
 from tests.support.effort import seldom

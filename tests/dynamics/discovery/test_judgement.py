@@ -7,12 +7,12 @@ import sympy as sp
 from flint import arb, ctx
 
 from service.dynamics.discovery.judgement import judge_integral, judge_relation
-from service.dynamics.discovery.outcomes import (
+from service.dynamics.discovery.setting import (
     EmptyRelationsError,
     FunctionTooLargeError,
     UndefinedFunctionError,
+    read_setting,
 )
-from service.dynamics.discovery.setting import read_setting
 from service.dynamics.errors import FormulaError, ImpossibleInertiaError, UnknownNameError
 from service.dynamics.formula.algebras.symbolic import SymbolicAlgebra
 from service.dynamics.formula.parser import parse

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect import equations
-from service.dynamics.defect.equations import (
+from service.dynamics.equations import euler_poisson
+from service.dynamics.equations.euler_poisson import (
     FourOperations,
     areas_integral,
     energy_integral,
@@ -71,7 +71,7 @@ def test_the_integrals_are_stationary_exactly(numbers: list[Fraction], moments: 
 
 
 def test_every_other_place_where_the_rates_are_written_is_listed_here() -> None:
-    root = Path(equations.__file__).parents[3]
+    root = Path(euler_poisson.__file__).parents[3]
     sources = (path for folder in ("service", "workers") for path in (root / folder).rglob("*.py"))
     written = {
         path.relative_to(root).as_posix()

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from service.dynamics.defect.equations import areas_integral, energy_integral
+from service.dynamics.equations.euler_poisson import areas_integral, energy_integral
 from tests.support.classical import sensitivity
 from tests.support.classical_oblique import BOBYLEV, CHAPLYGIN, GRIOLI, HESS, OBLIQUE, STAUDE, grioli_state
 from tests.support.classical_on_axis import (

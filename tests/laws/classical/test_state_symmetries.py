@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.equations import areas_integral, energy_integral, geometric_integral
+from service.dynamics.equations.euler_poisson import areas_integral, energy_integral, geometric_integral
 from service.dynamics.motion import Motion
 from service.dynamics.potentials.families.coefficients import gravity_potential
 from tests.support.effort import examples

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.equations import FourOperations, rates_in
+from service.dynamics.equations.euler_poisson import FourOperations, rates_in
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points

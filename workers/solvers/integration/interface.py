@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.equations import moments_of
+from service.dynamics.equations.euler_poisson import moments_of
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.dense_output import DenseOutput

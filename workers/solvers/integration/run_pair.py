@@ -28,7 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.equations import Equations, euler_poisson_rhs
+from service.dynamics.defect.equations import Equations
+from service.dynamics.equations.euler_poisson import euler_poisson_rhs
 from service.dynamics.equations.orientation import azimuth_rate
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.solution.dense_output import UNIT_ROUNDOFF, DenseOutput

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.equations import Equations, energy_integral
+from service.dynamics.defect.equations import Equations
+from service.dynamics.equations.euler_poisson import energy_integral
 from service.dynamics.motion import COLUMNS, Estimate, Motion
 from service.dynamics.numerics import is_within
 from service.dynamics.potentials.potential import Potential

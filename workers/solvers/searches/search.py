@@ -12,7 +12,7 @@ from typing import Literal
 
 from flint import arb, ctx
 
-from service.dynamics.discovery.outcomes import Tell, untold
+from service.dynamics.discovery.setting import Tell, untold
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import PlanarMotion, Problem, Start, StartAtEquator, StartAtPoint

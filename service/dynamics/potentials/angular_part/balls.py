@@ -17,7 +17,7 @@ Between two directions the difference of the integrals is that of V1.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import TypeVar
 
 from flint import acb, arb, ctx
@@ -43,15 +43,15 @@ class CurveFunction:
 
     def real(self, w: FloatArray, order: int) -> tuple[FloatArray, ...]:
         """Return doubles; the parts may have fewer axes than ``w`` where they are constant."""
-        return self._powers(_real(), w, order)
+        return self._powers(_REAL, w, order)
 
     def ball(self, w: arb, order: int) -> tuple[arb, ...]:
         """Return enclosures, NaN where F is undefined."""
-        return self._powers(_ball(), w, order)
+        return self._powers(_BALL, w, order)
 
     def complex_ball(self, w: acb, order: int, *, analytic: bool) -> tuple[acb, ...]:
         """Return enclosures of the continuation to complex w; see ComplexBallAlgebra for ``analytic``."""
-        return self._powers(_complex(analytic), w, order)
+        return self._powers(_COMPLEX[analytic], w, order)
 
     def _powers(self, algebras: _Algebras[T], w: T, order: int) -> tuple[T, ...]:
         base, first, second = algebras
@@ -71,21 +71,9 @@ def _with_jets(base: Algebra[T]) -> _Algebras[T]:
     return base, FirstOrderJets(base, 1), SecondOrderJets(base, 1)
 
 
-@cache
-def _real() -> _Algebras[FloatArray]:
-    return _with_jets(RealAlgebra())
-
-
-@cache
-def _ball() -> _Algebras[arb]:
-    return _with_jets(BallAlgebra())
-
-
-@cache
-def _complex(analytic: bool) -> _Algebras[acb]:
-    return _with_jets(ComplexBallAlgebra(analytic=analytic))
-
-
+_REAL = _with_jets(RealAlgebra())
+_BALL = _with_jets(BallAlgebra())
+_COMPLEX = {analytic: _with_jets(ComplexBallAlgebra(analytic=analytic)) for analytic in (False, True)}
 GENERIC_W = Fraction(2, 3)
 """A value of w at which the formula is followed."""
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.equations import energy_integral, euler_poisson_rhs
 from service.dynamics.equations.compatibility import residual_of
+from service.dynamics.equations.euler_poisson import energy_integral, euler_poisson_rhs
 from service.dynamics.errors import (
     DynamicsError,
     EqualMomentsError,

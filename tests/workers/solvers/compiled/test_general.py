@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.equations import energy_integral, euler_poisson_rhs
+from service.dynamics.equations.euler_poisson import energy_integral, euler_poisson_rhs
 from service.dynamics.motion import COLUMNS
 from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.solution.dense_output import DenseOutput

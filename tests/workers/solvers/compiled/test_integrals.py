@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from service.dynamics.defect.equations import kinetic_energy
+from service.dynamics.equations.euler_poisson import kinetic_energy
 from service.dynamics.further_integrals import FurtherIntegral, integral_drift
 from service.dynamics.potentials.families.written import general_potential
 from tests.support.planar import body, formula

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ellipj
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.equations import areas_integral, energy_integral, geometric_integral
+from service.dynamics.equations.euler_poisson import areas_integral, energy_integral, geometric_integral
 from service.dynamics.potentials.families.coefficients import gravity_potential
 from service.dynamics.potentials.families.written import expression_potential
 from tests.support.heyoka_integrator import HEYOKA

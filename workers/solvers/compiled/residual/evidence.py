@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.equations import moments_of
 from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE, ResidualEvidence
+from service.dynamics.equations.euler_poisson import moments_of
 from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.motion import Estimate
 from service.dynamics.potentials.potential import NoClosedFormError, Potential

@@ -5,7 +5,7 @@ from operator import add, mul, sub, truediv
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.defect.equations import FourOperations, integrals_in, rates_in
+from service.dynamics.equations.euler_poisson import FourOperations, integrals_in, rates_in
 from workers.solvers.compiled.discs.arithmetic import (
     OPERATION_ERROR,
     Disc,
