@@ -15,9 +15,7 @@ from service.dynamics.errors import BudgetTooSmallError, InvalidNumberError
 from service.dynamics.numerics import is_within, largest
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.potentials.recognition import recognise
-from service.dynamics.problem import (
-    Accuracy,
-)
+from service.dynamics.problem import Accuracy
 from service.dynamics.problem import (
     Tier as Tier,  # defined in service.dynamics.problem; re-exported for users of tiers
 )

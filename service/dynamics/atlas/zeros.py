@@ -29,14 +29,7 @@ from service.dynamics.atlas.curves import (
     grouped,
     zero_between,
 )
-from service.dynamics.atlas.sign_maps import (
-    EQUATOR,
-    Finest,
-    Signature,
-    brackets_of,
-    signature_of,
-    signs_in,
-)
+from service.dynamics.atlas.sign_maps import EQUATOR, Finest, Signature, brackets_of, signature_of, signs_in
 from service.dynamics.atlas.structures import LambdaPart
 from service.dynamics.atlas.turns import settled_sign_maps
 from service.dynamics.formula.algebras.ball import ball

@@ -43,14 +43,7 @@ from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.potentials.families.coefficients import B_term, C_term, energy_of_B, energy_of_C
 from service.dynamics.potentials.families.general_solution import FAMILY, GeneralPotential
 from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.dynamics.potentials.terms import (
-    PowerSum,
-    monomial_sum,
-    multiplicity,
-    power_terms,
-    scaled,
-    total,
-)
+from service.dynamics.potentials.terms import PowerSum, monomial_sum, multiplicity, power_terms, scaled, total
 
 QUARTER = parse("pi/4")
 """The reference angle at which powers of the cosine and the sine are the same."""
