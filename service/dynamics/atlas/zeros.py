@@ -160,8 +160,11 @@ def _enclosed(curves: Curves, hemisphere: IntArray, estimates: FloatArray) -> tu
     below, above = (estimates[:, :, None] * (1.0 + sign * ZERO_RELATIVE_WIDTHS) for sign in (-1.0, 1.0))
     signs = []
     for point in (below, above):
+        at = point.reshape(len(estimates), -1)
         cells = _cells(
-            np.repeat(hemisphere, len(ZERO_RELATIVE_WIDTHS)), *_about(point.reshape(len(estimates), -1))
+            np.repeat(hemisphere, len(ZERO_RELATIVE_WIDTHS)),
+            at * (1.0 - CELL_RELATIVE_WIDTH),
+            at * (1.0 + CELL_RELATIVE_WIDTH),
         )
         signs.append(signs_on_cells(curves, cells, with_slope=False).sign.reshape(below.shape))
     is_proved = signs[0] * signs[1] < 0
@@ -175,10 +178,6 @@ def _enclosed(curves: Curves, hemisphere: IntArray, estimates: FloatArray) -> tu
         found, np.take_along_axis(above, best, axis=2)[:, :, 0] * (1.0 + CELL_RELATIVE_WIDTH), np.nan
     )
     return low, high
-
-
-def _about(point: FloatArray) -> tuple[FloatArray, FloatArray]:
-    return point * (1.0 - CELL_RELATIVE_WIDTH), point * (1.0 + CELL_RELATIVE_WIDTH)
 
 
 def _cells(hemisphere: IntArray, low: FloatArray, high: FloatArray) -> Cells:

@@ -24,6 +24,8 @@ from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.reduction.sign_proofs.neighbourhoods import spread_about_zeros
 from service.dynamics.reduction.windows import REDUCTION_BITS
 
+FloatArray = NDArray[np.float64]
+
 T = TypeVar("T")
 
 
@@ -66,8 +68,6 @@ def operations_of(algebra: Algebra[T]) -> FourOperations[T]:
 def _constants(algebra: Algebra[T], body: RigidBody) -> list[T]:
     return [algebra.constant(each) for each in moments_of(body)]
 
-
-FloatArray = NDArray[np.float64]
 
 POLE_DISTANCE = 1e-12
 """|g1| and |g3| up to which a potential without a formula has no slope for doubles."""

@@ -243,7 +243,7 @@ class _Search:
         for block in steps_of(self.blocks, tell):
             rows = [row for row in map(stratum.apply, block.rows) if row]
             solved = kernel(rows, len(block.places), self.letters, is_late)
-            for vector in echelon(solved, self.letters):
+            for vector in echelon(solved):
                 whole = {block.places[place]: entry for place, entry in vector.items()}
                 vectors.append((max(whole), whole))
         vectors.sort(key=lambda each: self._order(each[0]))

@@ -126,7 +126,7 @@ class _Block:
 
     def _solved(self, ring: _Ring) -> list[fmpz_mpoly]:
         monomials, found = self.monomials, list[fmpz_mpoly]()
-        for row in echelon(kernel(self.rows(ring), len(monomials), ring.letters), ring.letters):
+        for row in echelon(kernel(self.rows(ring), len(monomials), ring.letters)):
             terms = {
                 (*low, *monomials[place]): value for place, each in row.items() for low, value in each.terms()
             }

@@ -170,7 +170,11 @@ def _expand(tree: Tree, free: Sequence[str], constants: Mapping[str, Fraction]) 
                 return {units[name]: _ONE}
             case Symbol(name):
                 # A term that is 0 is taken away whole, also where the rest of it has no value.
-                return {} if constants.get(name) == 0 else {one: _valued(node, constants)}
+                return (
+                    {}
+                    if constants.get(name) == 0
+                    else {one: bind(node, constants) if name in constants else node}
+                )
             case Negation():
                 return {product: Negation(part) for product, part in operands[0].items()}
             case Call(function):
@@ -221,10 +225,6 @@ def _expand(tree: Tree, free: Sequence[str], constants: Mapping[str, Fraction]) 
         return result
 
     return fold_tree(tree, build)
-
-
-def _valued(node: Symbol, constants: Mapping[str, Fraction]) -> Tree:
-    return bind(node, constants) if node.name in constants else node
 
 
 def _multiply(left: _Sum, right: _Sum, names: Collection[str]) -> _Sum:

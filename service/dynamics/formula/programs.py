@@ -22,6 +22,8 @@ from service.dynamics.formula.algebras.ball import BallAlgebra, ComplexBallAlgeb
 if TYPE_CHECKING:
     from service.dynamics.formula.tape import Tape
 
+T = TypeVar("T")
+
 
 class Step(NamedTuple):
     """One operation of an algebra on earlier values; its own value has the number of its place."""
@@ -123,7 +125,6 @@ CACHED_FORMULAS = 64
 """Number of formulas whose programs are cached for the next problem."""
 CACHED_PRECISIONS = 16
 """Number of precisions for which the constants of a program are cached."""
-T = TypeVar("T")
 Kind = Literal["real", "complex", "analytic"]
 Run = Callable[..., tuple[Any, ...]]
 """Returns the results, given the inputs: balls or complex ones."""

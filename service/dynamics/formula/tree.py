@@ -11,6 +11,8 @@ from typing import Literal, TypeVar
 
 from service.dynamics.errors import FormulaLimitError, UndefinedConstantError
 
+R = TypeVar("R")
+
 MAX_CHARACTERS = 4000
 """Length of the text."""
 MAX_TOKENS = 2500
@@ -89,7 +91,6 @@ class Call:
 
 Tree = Number | Symbol | Negation | Binary | Call
 _OF_ONE = (Negation, Call)
-R = TypeVar("R")
 
 
 def children(node: Tree) -> tuple[Tree, ...]:

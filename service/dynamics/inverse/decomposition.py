@@ -56,6 +56,8 @@ from service.dynamics.verdict.proofs.energy_terms import (
 from service.dynamics.verdict.proofs.proof import Signs, prove
 from service.dynamics.verdict.sphere.boxes import Point, fine_sphere_points, sphere_points
 
+FloatArray = NDArray[np.float64]
+
 _ZERO = Fraction(0)
 _G1, _G3, _RHO, _LOG_G1, _LOG_G3, _LOG_RHO = (unit(position) for position in (0, 2, 3, 4, 5, 6))
 
@@ -144,12 +146,7 @@ def _from_power_sum(terms: PowerSum) -> ExpandedTerms:
 
 
 def _listed(weights: Mapping[int, Fraction]) -> tuple[Fraction, ...]:
-    return tuple(_values(weights))
-
-
-def _values(weights: Mapping[int, Fraction]) -> Iterator[Fraction]:
-    for n in range(max(weights, default=-1) + 1):
-        yield weights.get(n, _ZERO)
+    return tuple(weights.get(n, _ZERO) for n in range(max(weights, default=-1) + 1))
 
 
 _CHECK_BITS = 128
@@ -280,7 +277,6 @@ def _power_of_number(base: Fraction, exponent: Fraction) -> tuple[Fraction, str]
     return base**whole, power_text(text, exponent - whole)
 
 
-FloatArray = NDArray[np.float64]
 REFERENCE_ANGLE = "pi/4"
 _SEARCH_BITS = 128
 _CHECK_POINTS = 4

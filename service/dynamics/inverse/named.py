@@ -193,12 +193,10 @@ def _sum_of_terms(of_parts: list[tuple[str, OctantTerms]], signs: Signs) -> Ener
         terms = octants[signs]
         if terms is None:
             return None
-        total |= {(power, _joined(factor, constant)): c for (power, constant), c in terms.items()}
+        total |= {
+            (power, "*".join(filter(None, (factor, constant)))): c for (power, constant), c in terms.items()
+        }
     return total
-
-
-def _joined(*factors: str) -> str:
-    return "*".join(factor for factor in factors if factor)
 
 
 def _times(factor: str, text: str) -> str:

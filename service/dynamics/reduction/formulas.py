@@ -77,7 +77,8 @@ def elliptic_motion(
     a1 = g1_sign * terms.a1
     roots = [*_roots(a1, terms.b1, terms.c1, nu)]
     inner = "0" if ends[0] == "pole" else _nearest(roots, abs(window.g1[0]))
-    outer = _equator(nu) if ends[1] == "equator" else _nearest(roots, abs(window.g1[1]))
+    equator = f"2/({nu} + sqrt({nu * nu + 4}))"
+    outer = equator if ends[1] == "equator" else _nearest(roots, abs(window.g1[1]))
     if inner is None or outer is None or inner == outer:
         return None
     k, square = _cofactor(body, a1, terms.c1, nu, inner, ends)
@@ -98,10 +99,6 @@ def elliptic_motion(
 
 
 _KINDS = (("pole", "equator"), ("pole", "rest"), ("rest", "equator"), ("rest", "rest"))
-
-
-def _equator(nu: Fraction) -> str:
-    return f"2/({nu} + sqrt({nu * nu + 4}))"
 
 
 def _roots(a1: Fraction, b1: Fraction, c1: Fraction, nu: Fraction) -> list[str]:

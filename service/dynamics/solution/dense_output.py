@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 from service.dynamics.errors import DynamicsError
 from service.dynamics.numerics import ErrorKind, largest
 
+FloatArray = NDArray[np.float64]
+
 RADIUS_DIGITS = 3
 RADIUS = "radius"
 """Suffix of the column with the radii; the further parts of x are the columns x.1, x.2, …"""
@@ -118,7 +120,6 @@ def _scientific(units: int, decimals: int) -> str:
     return f"{sign}{digits[0]}{'.' + fraction if fraction else ''}e{exponent}"
 
 
-FloatArray = NDArray[np.float64]
 EPSILON = float(np.finfo(np.float64).eps)
 UNIT_ROUNDOFF = 0.5 * EPSILON
 """Relative error of one rounding, 2^-53."""

@@ -88,14 +88,11 @@ def simplified(potential: Potential) -> Potential:
         is_as_good = tree is formula.tree and potential.has_formula
         if isinstance(potential, GeneralPotential):
             # A quotient g1/|g1| that is left of F and G of quadrants has no bounds next to a pole.
-            is_as_good = not potential.is_uniform and _has_sizes(tree)
+            made = compile_tape(tree).instructions
+            is_as_good = not potential.is_uniform and any(each.name == "abs" for each in made)
         derived[simplified] = None if is_as_good else with_simpler(potential, tree)
     found: FormulaPotential | None = derived[simplified]
     return potential if found is None else replace(found.alone(), stated=potential)
-
-
-def _has_sizes(tree: Tree) -> bool:
-    return any(made.name == "abs" for made in compile_tape(tree).instructions)
 
 
 def is_simplified(potential: Potential) -> bool:

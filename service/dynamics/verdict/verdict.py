@@ -33,7 +33,7 @@ from service.dynamics.verdict.proofs.energy_terms import (
 )
 from service.dynamics.verdict.proofs.power_sums import CurveEnergy, prove_power_sum
 from service.dynamics.verdict.proofs.proof import Proof, prove
-from service.dynamics.verdict.refutations import Counterexample, Jump, Survey, decimal_ball, survey
+from service.dynamics.verdict.refutations import Counterexample, Jump, decimal_ball, survey
 from service.dynamics.verdict.sphere.boxes import Point, fine_sphere_points, sphere_points
 from service.dynamics.verdict.sphere.switches import find_switches
 
@@ -143,11 +143,7 @@ class Verdict:
     evidence: NumericEvidence | None = None
 
 
-def _never() -> bool:
-    return False
-
-
-def decide(body: RigidBody, potential: Potential, is_late: Callable[[], bool] = _never) -> Verdict:
+def decide(body: RigidBody, potential: Potential, is_late: Callable[[], bool] = lambda: False) -> Verdict:
     """Return the verdict on ``potential`` for ``body``; B plays no part.
 
     Only the values on the unit sphere matter: potentials that agree there get
@@ -223,7 +219,9 @@ def _decide_numerically(
         found = further
     if found.counterexample is not None:
         return _refuted(found.counterexample)
-    return Verdict("undecided", "numeric", evidence=_evidence(found, doubt))
+    largest = f"{found.largest.mid} ± {found.largest.rad}"
+    evidence = NumericEvidence(len(found.defined), found.bits, largest, doubt)
+    return Verdict("undecided", "numeric", evidence=evidence)
 
 
 def _decide_general(
@@ -287,12 +285,3 @@ def _refute_general(body: RigidBody, potential: GeneralPotential, points: Sequen
 
 def _refuted(counterexample: Counterexample) -> Verdict:
     return Verdict("inadmissible", "counterexample", counterexample=counterexample)
-
-
-def _evidence(found: Survey, doubt: str) -> NumericEvidence:
-    return NumericEvidence(
-        points=len(found.defined),
-        bits=found.bits,
-        largest_enclosure=f"{found.largest.mid} ± {found.largest.rad}",
-        doubt=doubt,
-    )

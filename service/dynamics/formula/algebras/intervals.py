@@ -73,10 +73,6 @@ def power_error(exponent: Fraction) -> float:
     return FUNCTION_ROUNDING + abs(double) * OPERATION_ROUNDING * LARGEST_LOGARITHM
 
 
-def _exponentials(lo: FloatArray, hi: FloatArray) -> Bounds:
-    return np.exp(lo), np.exp(hi)
-
-
 def _has_multiple(lo: FloatArray, hi: FloatArray, offset: float, period: float) -> BoolArray:
     """Tell where a number offset + k · period may lie between the bounds."""
     first, last = (lo - offset) / period, (hi - offset) / period
@@ -96,10 +92,6 @@ def _sines(lo: FloatArray, hi: FloatArray, shift: float = 0.0) -> Bounds:
     return np.where(is_known, low, np.nan), np.where(is_known, high, np.nan)
 
 
-def _cosines(lo: FloatArray, hi: FloatArray) -> Bounds:
-    return _sines(lo, hi, 0.5 * np.pi)
-
-
 def _tangents(lo: FloatArray, hi: FloatArray) -> Bounds:
     is_known = (np.abs(lo) < LARGEST_ANGLE) & (np.abs(hi) < LARGEST_ANGLE)
     is_known &= ~_has_multiple(lo, hi, 0.5 * np.pi, np.pi)
@@ -107,9 +99,9 @@ def _tangents(lo: FloatArray, hi: FloatArray) -> Bounds:
 
 
 RANGES: dict[str, Callable[[FloatArray, FloatArray], Bounds]] = {
-    "exp": _exponentials,
+    "exp": lambda lo, hi: (np.exp(lo), np.exp(hi)),
     "sin": _sines,
-    "cos": _cosines,
+    "cos": lambda lo, hi: _sines(lo, hi, 0.5 * np.pi),
     "tan": _tangents,
 }
 Exponents = tuple[Fraction, ...]

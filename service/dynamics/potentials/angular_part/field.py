@@ -45,6 +45,8 @@ from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.angular_part.balls import CurveFunction, angular_balls, curve_ball
 
+T = TypeVar("T", bound=Arithmetic)
+
 FloatArray = NDArray[np.float64]
 IntegrandFunction = Callable[[FloatArray], FloatArray]
 """Returns values of shape (functions, *shape of w), at w of any shape."""
@@ -185,8 +187,6 @@ def _rule() -> _Rule:
     degrees = np.arange(PANEL_NODES - 2, PANEL_NODES)
     return _Rule(points, weights, weights[:, None] * vandermonde * (degrees + 0.5))
 
-
-T = TypeVar("T", bound=Arithmetic)
 
 Matrix = tuple[tuple[T, T, T], tuple[T, T, T], tuple[T, T, T]]
 

@@ -43,6 +43,8 @@ from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
 
+T = TypeVar("T")
+
 MAX_GAP_BITS = 1 << 18
 """Largest precision in bits: enough to distinguish exp(−100000) from 0."""
 MAX_BIT_INSTRUCTIONS = 1 << 25
@@ -106,8 +108,8 @@ def near_rest(loop: Loop, v: arb) -> NearRest | None:
             return None
         step = -(first / second).mid()
         size = abs(-first / second).upper()
-        # The error of f is the square of this.
-        if size < arb(2) ** (16 - ctx.prec // 2) * _distance_scale(at):
+        # The error of f is the square of this. Next to a pole the scale is the distance from it.
+        if size < arb(2) ** (16 - ctx.prec // 2) * abs(at.g3).mid().min(arb(1)):
             return _described(loop, at, place, first, size)
         place = (place + step * _mu(loop, at, place)).mid()
         at = loop.point(place)
@@ -168,11 +170,6 @@ def _equator_or(loop: Loop, v: arb) -> tuple[LoopPoint, arb]:
     return loop.point(place), place
 
 
-def _distance_scale(at: LoopPoint) -> arb:
-    # Next to a pole everything happens on the scale of the distance from it.
-    return abs(at.g3).mid().min(arb(1))
-
-
 def _mu(loop: Loop, at: LoopPoint, place: arb) -> arb:
     return ball(loop.C) * at.c * place.sin()
 
@@ -192,7 +189,6 @@ def _described(loop: Loop, at: LoopPoint, place: arb, first: arb, size: arb) -> 
 
 
 Coordinate = Literal["g2", "g1", "g3"]
-T = TypeVar("T")
 Triple = tuple[Algebraic, Algebraic, Algebraic]
 FIRST_BITS = 256
 MAX_POLYNOMIAL_DEGREE = 4

@@ -57,7 +57,7 @@ MIN_HALVINGS = 12
 
 def settled(half: Half, sign_map: SignMap) -> SignMap:
     """Return the sign map with its open gaps closed, or the number of their zeros bounded, where possible."""
-    at_poles = [gap for gap in sign_map.open_gaps() if _is_at_pole(sign_map, gap)]
+    at_poles = [gap for gap in sign_map.open_gaps() if gap[0] == 0 or gap[1] == len(sign_map.cells.low)]
     sign_map = _halved(half, sign_map, at_poles, MAX_BALL_CELLS_AT_POLES)
     for _ in range(BALL_STAGES):
         gaps = _unbounded(sign_map)
@@ -78,10 +78,6 @@ def halved(half: Half, sign_map: SignMap) -> SignMap:
     gaps = _unbounded(sign_map)
     is_too_much = len(gaps) > MAX_GAPS or is_crowded(sign_map)
     return sign_map if is_too_much else _halved(half, sign_map, gaps, MAX_BALL_CELLS)
-
-
-def _is_at_pole(sign_map: SignMap, gap: Gap) -> bool:
-    return gap[0] == 0 or gap[1] == len(sign_map.cells.low)
 
 
 def ends_of(sign_map: SignMap, gap: Gap) -> tuple[Side, Side]:

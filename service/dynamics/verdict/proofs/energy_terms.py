@@ -225,7 +225,11 @@ def signed_formulas_of(
 
 
 def _text(body: RigidBody, by_sign: dict[int, EnergyTerms]) -> str:
-    return _text_in_nu(by_sign) if body.A == 2 * body.C else _text_in_lambda(by_sign[1])
+    if body.A == 2 * body.C:
+        return _text_in_nu(by_sign)
+    return sum_text(
+        term_text(c, text, power_text("lambda", power)) for (power, text), c in by_sign[1].items()
+    )
 
 
 def _confirmed(
@@ -262,10 +266,6 @@ def _text_in_nu(by_sign: dict[int, EnergyTerms]) -> str:
             signed = power_text("nu", k) if _has_parity(k, 1) else f"nu*{power_text('abs(nu)', k - 1)}"
             parts.append(term_text((above - below) / 2, key[1], signed))
     return sum_text(parts)
-
-
-def _text_in_lambda(terms: EnergyTerms) -> str:
-    return sum_text(term_text(value, key[1], power_text("lambda", key[0])) for key, value in terms.items())
 
 
 def _has_parity(k: Fraction, parity: int) -> bool:

@@ -42,6 +42,8 @@ from service.dynamics.verdict.ring_functions.algebraic_numbers import AlgebraicN
 from service.dynamics.verdict.ring_functions.radicals import Radicals
 from service.dynamics.verdict.ring_functions.transcendental import Transcendental, Trigonometry
 
+T = TypeVar("T")
+
 MAX_EXPANDED_TERMS = 24
 """Powers of sums with up to this many terms are expanded; higher ones are kept as powers of their base."""
 
@@ -211,7 +213,6 @@ def _terms_of_power(terms: int, exponent: int) -> int:
     return count
 
 
-T = TypeVar("T")
 MAX_LARGER_RINGS = 60
 """Larger rings that are tried before the proof is abandoned."""
 

@@ -41,6 +41,9 @@ _OCTANTS = (
     (-1, -1, -1),
 )
 
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
 
 def sphere_points() -> Iterator[Point]:
     """Yield 48 points of moderate height, every octant among the first 8 and six times in all.
@@ -80,8 +83,6 @@ def fine_sphere_points(steps: int = 9) -> Iterator[Point]:
                 yield (signs[0] * first, signs[1] * second, signs[2] * third)
 
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 FIRST_STRETCHES = 8
 """Stretches of a quarter turn to begin with."""
 SINE_ERROR = 2.0**-48
