@@ -26,9 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.defect.accumulation import Blocks, StretchBatch, accumulate
+from service.dynamics.defect.accumulation import SERIES_RELATIVE_ROUNDING, Blocks, StretchBatch, accumulate
 from service.dynamics.defect.equations import Equations
-from service.dynamics.defect.stretches import SERIES_RELATIVE_ROUNDING
 from service.dynamics.motion import Estimate
 from service.dynamics.numerics import is_within, largest
 from service.dynamics.potentials.potential import Potential

@@ -1,7 +1,7 @@
 r"""Finds the zeros of P on one half of a loop, and proves that there are no others.
 
 For a potential with a formula all of this is proved, by bounds that hold on the whole half from pole to
-pole (:mod:`.signs`; :mod:`.sign_maps` where doubles do not settle it):
+pole (:mod:`.signs`; :mod:`.cells` where doubles do not settle it):
 
 * P has the stated sign on all cells, which cover the half except for narrow gaps;
 * on a gap whose slope has one sign P has one zero, if its signs before and after differ, else none;
@@ -69,20 +69,18 @@ from service.dynamics.reduction.sign_proofs.infinities import (
     is_essential,
 )
 from service.dynamics.reduction.sign_proofs.neighbourhoods import UNDEFINED
-from service.dynamics.reduction.sign_proofs.sign_maps import (
-    MAX_GAPS,
-    ends_of,
-    halved,
-    settled,
-    sign_maps_together,
-)
 from service.dynamics.reduction.sign_proofs.signs import (
     INFINITE,
+    MAX_GAPS,
     NAMED,
     Gap,
     SignMap,
+    ends_of,
     first_sign_map,
+    halved,
     refined,
+    settled,
+    sign_maps_together,
 )
 from service.dynamics.reduction.window import height
 

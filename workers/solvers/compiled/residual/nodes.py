@@ -8,7 +8,7 @@ one.
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.defect.stretches import DEFAULT_INTERVALS, ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
+from service.dynamics.defect.accumulation import DEFAULT_INTERVALS, ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.compiled.kernels import kernel

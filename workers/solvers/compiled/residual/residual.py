@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.defect.stretches import ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
+from service.dynamics.defect.accumulation import ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
 from workers.solvers.compiled.blocks import two_sum
 from workers.solvers.compiled.evaluation.interpreter import new_registers
 from workers.solvers.compiled.kernels import kernel
