@@ -40,7 +40,6 @@ from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.intervals import IntervalAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
-from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.families.general_formula import formula_of
 from service.dynamics.potentials.families.general_solution import GeneralPotential
 from service.dynamics.potentials.potential import Potential
@@ -159,14 +158,15 @@ def with_formula(potential: Potential) -> Potential:
     if not isinstance(stated, GeneralPotential):
         return potential
     found = formula_of(stated)
-    if stated.is_uniform and _is_constant(stated.pieces[0].angular.F.tape):
+    F = stated.pieces[0].angular.F.tape
+    if (
+        stated.is_uniform
+        and F.result != 0
+        and all(0 not in (made.left, made.right) for made in F.instructions)
+    ):
         return found or stated
     is_simpler = found is not None and potential.has_formula and potential.tree != found.tree
     return potential if is_simpler else stated
-
-
-def _is_constant(F: Tape) -> bool:
-    return F.result != 0 and all(0 not in (made.left, made.right) for made in F.instructions)
 
 
 def _halves(body: RigidBody, potential: Potential, over: LambdaRange) -> list[HalfCurves]:

@@ -51,19 +51,17 @@ def sphere_points() -> Iterator[Point]:
     The k-th visit of an octant brings another quadruple, so that 8 successive
     points do not lie on one cone.
     """
-    return iter(_usual())
+    return iter(_points_of_octants())
 
 
 @cache
-def _usual() -> tuple[Point, ...]:
-    return tuple(_points_of_octants())
-
-
-def _points_of_octants() -> Iterator[Point]:
+def _points_of_octants() -> tuple[Point, ...]:
+    found = []
     for visit in range(len(_QUADRUPLES)):
         for number, signs in enumerate(_OCTANTS):
             a, b, c, d = _QUADRUPLES[(visit + number) % len(_QUADRUPLES)]
-            yield (Fraction(signs[0] * a, d), Fraction(signs[1] * b, d), Fraction(signs[2] * c, d))
+            found.append((Fraction(signs[0] * a, d), Fraction(signs[1] * b, d), Fraction(signs[2] * c, d)))
+    return tuple(found)
 
 
 def fine_sphere_points(steps: int = 9) -> Iterator[Point]:
