@@ -308,21 +308,6 @@ def bound_formula(
     MissingMomentError
         The formula has B, and the body does not.
     """
-    return _bound_text(text, variables, parameters, body, pointer)
-
-
-def named_formula(text: str, variables: Sequence[str], names: Iterable[str], body: RigidBody) -> Tree:
-    """Return the tree of ``text`` with the ``names`` of its parameters left in; raises as bound_formula."""
-    return _bound_text(text, (*variables, *names), {}, body, "/potential")
-
-
-def _bound_text(
-    text: str,
-    variables: Sequence[str],
-    parameters: Mapping[str, Fraction],
-    body: RigidBody,
-    pointer: str,
-) -> Tree:
     try:
         located = parse_located(text)
         constants = {**parameters, "A": body.A, "C": body.C}
@@ -333,3 +318,8 @@ def _bound_text(
         return bind(located.tree, constants, variables=variables, positions=located.positions)
     except FormulaError as error:
         raise error.at(pointer=pointer) from error
+
+
+def named_formula(text: str, variables: Sequence[str], names: Iterable[str], body: RigidBody) -> Tree:
+    """Return the tree of ``text`` with the ``names`` of its parameters left in; raises as bound_formula."""
+    return bound_formula(text, (*variables, *names), {}, body, "/potential")

@@ -190,7 +190,8 @@ class RingAlgebra:
         factors = factorise(ring, base)
         monomial = ring.monomial({i: e * exponent for i, e in enumerate(factors.exponents) if e})
         number, pieces = irreducible_factors(ring, factors.rest)
-        result = ring.multiply(self._number_power(number * factors.coefficient, exponent), monomial)
+        power_of_number = ring.integer_power(ring.constant(number * factors.coefficient), exponent)
+        result = ring.multiply(power_of_number, monomial)
         for piece, power in pieces:
             key = f"divisor:{piece}"
             index = ring.find(key)
@@ -198,9 +199,6 @@ class RingAlgebra:
                 index = ring.atom(key, Divisor(ring.polynomial(piece)))
             result = ring.multiply(result, ring.monomial({index: power * exponent}))
         return result
-
-    def _number_power(self, number: Fraction, exponent: int) -> Element:
-        return self._ring.integer_power(self._ring.constant(number), exponent)
 
 
 def _terms_of_power(terms: int, exponent: int) -> int:
