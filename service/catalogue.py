@@ -1,6 +1,6 @@
 """The families of potentials, one for each ``type`` of a problem document; named and classical cases."""
 
-from service.dynamics.classical.catalogue import CASES
+from service.dynamics.classical.bodies import CASES
 from service.dynamics.classical.protocol import ClassicalCase
 from service.schemas.reading.documents import Document
 from service.schemas.replies.installation import CaseOut, ClassicalOut, FamilyOut

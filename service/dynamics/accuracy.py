@@ -11,13 +11,11 @@ from types import MappingProxyType
 from typing import Literal, Self, get_args
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import is_within, largest
 from service.dynamics.errors import BudgetTooSmallError, InvalidNumberError
+from service.dynamics.numerics import is_within, largest
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
-from service.dynamics.potentials.recognition.three_terms import recognise
-from service.dynamics.problem import (
-    Accuracy,
-)
+from service.dynamics.potentials.recognition import recognise
+from service.dynamics.problem import Accuracy
 from service.dynamics.problem import (
     Tier as Tier,  # defined in service.dynamics.problem; re-exported for users of tiers
 )

@@ -36,9 +36,10 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
-from service.dynamics.potentials.terms.powers import Exponents
-from service.dynamics.verdict.exact_ring.generators import Coordinate, Element
-from service.dynamics.verdict.exact_ring.layout import (
+from service.dynamics.potentials.terms import Exponents
+from service.dynamics.verdict.exact_ring.generators import (
+    Coordinate,
+    Element,
     Layout,
     NoProofError,
     UndefinedInOctantError,

@@ -8,11 +8,9 @@ import numpy as np
 from flint import arb
 
 from service.dynamics.accuracy import GroupError
-from service.dynamics.bounds import ErrorKind
-from service.dynamics.methods import SolvedBy
+from service.dynamics.numerics import ErrorKind, SolvedBy
 from service.dynamics.reduction.window import Window
-from service.dynamics.solution.ball_columns import split
-from service.dynamics.solution.dense_output import DenseOutput, FloatArray
+from service.dynamics.solution.dense_output import DenseOutput, FloatArray, split
 
 COLUMNS: tuple[str, ...] = ("p", "q", "r", "g1", "g2", "g3")
 """The six variables of the Euler-Poisson equations, in the order of every array."""

@@ -5,7 +5,7 @@ from fractions import Fraction
 from typing import Literal, TypeVar
 
 from service.dynamics.body import RigidBody
-from service.dynamics.methods import Tier as Tier  # re-exported for users of problems
+from service.dynamics.numerics import Tier as Tier  # re-exported for users of problems
 from service.dynamics.potentials.potential import Potential
 
 Sign = Literal[-1, 1]

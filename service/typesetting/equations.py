@@ -6,8 +6,7 @@ from types import MappingProxyType
 from typing import Literal
 from xml.etree.ElementTree import Element, SubElement, tostring
 
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import Tree
+from service.dynamics.formula.tree import Tree, format_tree
 from service.typesetting.layout import (
     Box,
     Fenced,

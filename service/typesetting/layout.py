@@ -7,9 +7,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction as Rational
 
-from service.dynamics.formula.parser import ATOM, BINDING
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, fold_tree, post_order
+from service.dynamics.formula.tree import (
+    ATOM,
+    BINDING,
+    Binary,
+    Call,
+    Negation,
+    Number,
+    Symbol,
+    Tree,
+    fold_tree,
+    format_tree,
+    post_order,
+)
 
 
 @dataclass(frozen=True, slots=True)

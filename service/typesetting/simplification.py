@@ -27,7 +27,7 @@ from service.dynamics.formula.tree import (
     fold_tree,
     post_order,
 )
-from service.dynamics.verdict.proofs.equality import is_same_function
+from service.dynamics.verdict.proofs.proof import is_same_function
 from service.typesetting.layout import symbols_of
 
 _FUNCTIONS: Mapping[type[sympy.Expr], FunctionName] = {

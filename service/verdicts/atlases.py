@@ -8,9 +8,8 @@ from math import isfinite
 from flint import arb
 
 from service.dynamics.atlas.atlas import make_atlas
-from service.dynamics.atlas.bands import Band, Measured, WindowSeries
-from service.dynamics.atlas.parts import Atlas, AtlasPart, Change, Proof
-from service.dynamics.bounds import printed_error
+from service.dynamics.atlas.parts import Atlas, AtlasPart, Band, Change, Measured, Proof, WindowSeries
+from service.dynamics.numerics import printed_error
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.schemas.atlas.reading import AtlasRequest, trusted_atlas

@@ -17,15 +17,14 @@ from flint import arb
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
+from service.dynamics.formula.tree import format_tree
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint, loop_at
 from service.dynamics.reduction.root_finding.gap import NearRest
 from service.dynamics.reduction.window import Arc, Window
 from service.dynamics.reduction.windows import find_windows, find_windows_together, remember_windows
-from service.dynamics.verdict.refutations.counterexample import Counterexample, DecimalBall
-from service.dynamics.verdict.refutations.jumps import Jump
+from service.dynamics.verdict.refutations import Counterexample, DecimalBall, Jump
 from service.dynamics.verdict.simple_form import is_simplified, simplified, with_simpler
 from service.dynamics.verdict.verdict import NumericEvidence, Verdict, decide
 from service.schemas.reading.documents import Document

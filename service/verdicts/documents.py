@@ -14,31 +14,28 @@ from flint import arb
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import printed_error
-from service.dynamics.discovery.cases import known_cases
-from service.dynamics.discovery.outcomes import FunctionTooLargeError, NotPolynomialError
+from service.dynamics.discovery.known import known_cases
 from service.dynamics.discovery.potential_search import ratios_that_admit
+from service.dynamics.discovery.setting import FunctionTooLargeError, NotPolynomialError
 from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.vanishing import vanishing_parts
-from service.dynamics.inverse.curve_function import NoDecompositionError
-from service.dynamics.inverse.decomposition import Decomposition, decompose
-from service.dynamics.inverse.enclosures import Values
+from service.dynamics.inverse.decomposition import Decomposition, NoDecompositionError, Terms, decompose
 from service.dynamics.inverse.named import Named, NamedFormulas
 from service.dynamics.inverse.polynomials import as_polynomial
 from service.dynamics.inverse.projection import nearest_admissible
-from service.dynamics.inverse.terms import Terms
+from service.dynamics.inverse.section import Values
+from service.dynamics.numerics import printed_error
 from service.dynamics.potentials.families.general_solution import QUADRANTS, SIGNS, Quadrant
 from service.dynamics.potentials.potential import Notice, Potential
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion
 from service.dynamics.reduction.existence import CurveRange, Existence
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.window import Arc, Window, height
-from service.dynamics.solution.ball_columns import as_decimals
+from service.dynamics.solution.dense_output import as_decimals
 from service.dynamics.verdict.own_curve import InadmissibleMotionError
-from service.dynamics.verdict.refutations.counterexample import Counterexample
-from service.dynamics.verdict.refutations.jumps import Jump
+from service.dynamics.verdict.refutations import Counterexample, Jump
 from service.dynamics.verdict.verdict import Verdict
 from service.schemas.reading.documents import Document, Part
 

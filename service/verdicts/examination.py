@@ -16,10 +16,9 @@ from flint import ctx
 
 from service.dynamics.classical.classification import Nearness, classify
 from service.dynamics.errors import DynamicsError
-from service.dynamics.inverse.curve_function import NoDecompositionError
+from service.dynamics.inverse.decomposition import NoDecompositionError
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
-from service.dynamics.reduction.start import starting_point
-from service.dynamics.reduction.window import Window, require_known_ends
+from service.dynamics.reduction.window import Window, require_known_ends, starting_point
 from service.dynamics.reduction.windows import (
     REDUCTION_BITS,
     NoMotionError,

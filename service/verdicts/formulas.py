@@ -10,15 +10,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any  # Any: documents that were read from JSON
 
-from service.dynamics.formula.errors import FormulaError
+from service.dynamics.errors import FormulaError
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import VARIABLES, Tree
+from service.dynamics.formula.tree import VARIABLES, Tree, format_tree
 from service.dynamics.inverse.named import NamedSum
 from service.dynamics.potentials.families.general_solution import QUADRANTS, SIGNS
 from service.dynamics.potentials.potential import NoClosedFormError
-from service.dynamics.potentials.recognition.evenness import is_even_in_g2
-from service.dynamics.potentials.recognition.three_terms import recognise
+from service.dynamics.potentials.recognition import is_even_in_g2, recognise
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.formulas import elliptic_motion, reduced_motion
 from service.dynamics.reduction.windows import find_windows

@@ -6,9 +6,8 @@ from functools import partial
 
 from service.dynamics.discovery.integral_search import search_integrals
 from service.dynamics.discovery.judgement import judge_integral, judge_relation
-from service.dynamics.discovery.outcomes import Tell, untold
 from service.dynamics.discovery.potential_search import search_potentials
-from service.dynamics.discovery.setting import LetteredSetting, read_setting
+from service.dynamics.discovery.setting import LetteredSetting, Tell, read_setting, untold
 from service.dynamics.exact import exact_number
 from service.schemas.reading.documents import Document, Part
 from service.schemas.study.lettered import moment_of

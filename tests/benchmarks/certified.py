@@ -13,9 +13,9 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.problem import PlanarMotion, StartAtEquator
-from service.dynamics.solution.ball_columns import as_decimals
+from service.dynamics.solution.dense_output import as_decimals
 from tests.benchmarks.measuring import Effort, Result, Row, Table, clock, faster, in_words, median
 from tests.benchmarks.motions import Measured, elliptic
 from tests.support.hard_problems import FUNCTIONS

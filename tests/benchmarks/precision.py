@@ -14,7 +14,7 @@ import numpy as np
 from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import TimePeriods
 from service.dynamics.sampling import exact_instants
-from service.dynamics.solution.ball_columns import RADIUS
+from service.dynamics.solution.dense_output import RADIUS
 from service.jobs.records import Solved
 from service.storage.codecs.packing import decode_arrays
 from tests.benchmarks.costs import PROBLEMS

@@ -21,7 +21,7 @@ from service.dynamics.formula.algebras.monomials import NotAMonomialSumError
 from service.dynamics.formula.tape import Tape
 from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, Problem, TimeSpan
-from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
 from service.jobs.records import Solved
 from service.storage.codecs.packing import SOLVED, decode_points

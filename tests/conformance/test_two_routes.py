@@ -6,10 +6,10 @@ import pytest
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.families.general import general_potential
-from service.dynamics.potentials.families.homogeneous import energy_of_B, energy_of_C, homogeneous_potential
+from service.dynamics.potentials.families.coefficients import energy_of_B, energy_of_C, homogeneous_potential
+from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.logarithmic import energy_of_log
+from service.dynamics.potentials.terms import energy_of_log
 from tests.conformance.energies import ball
 from tests.support.planar import body
 

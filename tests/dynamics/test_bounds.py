@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import service
 import workers
-from service.dynamics.bounds import is_within, largest, printed_error
+from service.dynamics.numerics import is_within, largest, printed_error
 
 ERRORS = {
     *("error", "claim", "defect", "drift", "departure", "disagreement", "distance"),
@@ -22,7 +22,7 @@ ERRORS = {
 """In the names of numbers that must not be large."""
 HARMLESS: dict[str, str] = {
     "angular_part/field.py: tail > TAIL_RELATIVE_SIZE * largest": "the integral itself stays NaN then",
-    "atlas/bands.py: change < error": "a sum that is NaN is no improvement, and is not taken",
+    "atlas/parts.py: change < error": "a sum that is NaN is no improvement, and is not taken",
     "general/steps.py: tail > INVISIBLE_SHARE * top": "a run ends before a step whose series is not finite",
     "compiled/integrals.py: departure <= drift": "what is not known makes the drift NaN, and so it stays",
     "integration/run_pair.py: run.reached > 0.0": "a time, whose sign is asked",

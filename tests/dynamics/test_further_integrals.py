@@ -15,9 +15,8 @@ from service.dynamics.further_integrals import (
     find_further_integrals,
     integral_drift,
 )
-from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.gravity import gravity_potential
-from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential, rational_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.potentials.potential import NoClosedFormError
 from tests.support.effort import examples
 from workers.solvers.integration.solve import integrate_state

@@ -6,7 +6,7 @@ import json
 import pytest
 
 from service.catalogue import example_of
-from service.dynamics.classical.catalogue import CASES
+from service.dynamics.classical.bodies import CASES
 from service.jobs.kernels import NEVER, WAITS
 from service.local.worker_process import FOLDER_VARIABLE
 from tests.support.serving import serving

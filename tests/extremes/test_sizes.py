@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition import ThreeTerms
 from tests.extremes.elliptic import elliptic
 from tests.extremes.problems import METHODS, require_claims, solve, three_terms
 from tests.support.effort import each_once, seldom

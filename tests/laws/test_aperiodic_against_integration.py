@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from service.dynamics.motion import Motion
 from service.dynamics.problem import StartAtPoint, TimeList
-from service.dynamics.reduction.start import StartOutsideWindowError
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import StartOutsideWindowError, Window
 from service.dynamics.reduction.windows import find_windows
 from tests.support.admissible import Case, cases
 from tests.support.effort import examples

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from service.dynamics.motion import Motion
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest, TimeSpan
-from service.dynamics.reduction.start import StartOutsideWindowError
+from service.dynamics.reduction.window import StartOutsideWindowError
 from tests.support.admissible import Case, cases, with_periodic_window
 from tests.support.effort import examples
 

@@ -15,8 +15,7 @@ from service.dynamics.equations.orientation import trajectory_columns
 from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import PlanarMotion, TimeList, TimePeriods, TimeSpan
 from service.dynamics.sampling import exact_instants, sample_times
-from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, join
-from service.dynamics.solution.dense_output import Period
+from service.dynamics.solution.dense_output import MAX_PARTS, RADIUS, Period, join
 from service.jobs.records import Solved
 from service.schemas.problem.problem import read_problem
 from service.storage.codecs.packing import decode_arrays, decode_dense

@@ -9,7 +9,7 @@ import pytest
 from flint import arb, ctx, fmpq
 
 from service.dynamics.problem import PlanarMotion, Start
-from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
 from tests.support.planar import Exact, body, formula
 from workers.solvers.orbits.orbit import make_orbit

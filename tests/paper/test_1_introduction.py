@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from service.dynamics.equations.euler_poisson import areas_integral, energy_integral, geometric_integral
-from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential
 from tests.paper.forms import printed_rates, service_rates
 from tests.support.planar import body, formula
 

@@ -13,8 +13,8 @@ from mpmath import mp, mpf, quad
 
 from service.dynamics.equations.compatibility import along_curves, energy_on_curve, pde_residual
 from service.dynamics.potentials.angular_part.field import curve_parameter
-from service.dynamics.potentials.families.general import general_potential
-from service.dynamics.potentials.families.homogeneous import homogeneous_potential
+from service.dynamics.potentials.families.coefficients import homogeneous_potential
+from service.dynamics.potentials.families.written import general_potential
 from tests.paper.forms import (
     ALPHA,
     G1,

@@ -10,7 +10,7 @@ from mpmath import mp, mpf, quad
 
 from service.dynamics.equations.compatibility import energy_on_curve
 from service.dynamics.equations.euler_poisson import energy_integral
-from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.reduction.windows import find_windows
 from tests.paper.forms import (
     G1,

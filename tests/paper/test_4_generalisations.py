@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 import sympy
 
-from service.dynamics.potentials.families.rational import U_term, W_term, rational_potential
+from service.dynamics.potentials.families.coefficients import U_term, W_term, rational_potential
 from tests.paper.forms import (
     G1,
     G2,

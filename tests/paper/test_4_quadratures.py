@@ -6,7 +6,7 @@ from fractions import Fraction
 import pytest
 from mpmath import mp, mpf, quad
 
-from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.families.coefficients import rational_potential
 from tests.paper.orbits import agree, ball, motion_on, orbit_states, working_precision
 from tests.support.golden import GOLDEN
 from tests.support.planar import body, planar

@@ -4,10 +4,10 @@ import pytest
 import sympy
 from flint import acb, arb, ctx
 
-from service.dynamics.potentials.families.homogeneous import (
+from service.dynamics.potentials.families.coefficients import (
     B_coefficients,
+    U_term,
 )
-from service.dynamics.potentials.families.rational import U_term
 from tests.paper.forms import (
     ALPHA,
     G1,

@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 import sympy
 
-from service.dynamics.potentials.families.homogeneous import (
+from service.dynamics.potentials.families.coefficients import (
     B_coefficients,
     UndefinedTermError,
     homogeneous_potential,

@@ -9,7 +9,7 @@ from flint import arb, ctx
 
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import PlanarMotion, Problem, Tier
-from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import starting_point
 from service.dynamics.solution.dense_output import FloatArray
 from service.schemas.problem.problem import read_problem
 from tests.support.random_documents import Document, Drawn, Family, draw_problem, with_times

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential
 from service.dynamics.potentials.potential import Potential
 
 FloatArray = NDArray[np.float64]

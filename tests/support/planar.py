@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Accuracy, PlanarMotion, Problem, TimeList, Times
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from service.dynamics.formula.algebras.scalar import ScalarAlgebra
-from service.dynamics.formula.errors import FormulaError
+from service.dynamics.errors import FormulaError
+from service.dynamics.formula.algebras.real import ScalarAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.formula.tree import FUNCTIONS, Binary, Call, Negation, Number, Symbol, Tree

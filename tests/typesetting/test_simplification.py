@@ -8,13 +8,12 @@ from flint import arb, ctx
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from service.dynamics.errors import FormulaError
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.symbolic import sympy_expression
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree
+from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, format_tree
 from service.typesetting import simplification
 from service.typesetting.simplification import NotInGrammarError, from_sympy, simplified
 

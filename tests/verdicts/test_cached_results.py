@@ -8,7 +8,7 @@ from flint import arb, ctx
 
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction import windows as found_windows
-from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import starting_point
 from service.dynamics.reduction.windows import find_windows, remember_windows
 from service.dynamics.verdict.verdict import NumericEvidence, Verdict, decide
 from service.schemas.problem.problem import check_problem, read_question

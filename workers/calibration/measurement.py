@@ -15,7 +15,7 @@ from statistics import median
 from service.dynamics.accuracy import TIERS, AccuracyRow, AccuracyTable, Machine, Source, Unavailable
 from service.dynamics.numerics import NUMERICS
 from service.dynamics.problem import Tier
-from service.dynamics.solution.ball_columns import RADIUS
+from service.dynamics.solution.dense_output import RADIUS
 from service.jobs.records import Refused, Solved
 from service.sandbox import Sandbox
 from service.schemas.problem.problem import read_problem

@@ -16,7 +16,7 @@ from service.dynamics.accuracy import Family, MotionKind, Reference
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.motion import COLUMNS
 from service.dynamics.problem import Problem, Tier
-from service.dynamics.solution.ball_columns import MAX_PARTS
+from service.dynamics.solution.dense_output import MAX_PARTS
 from service.jobs.records import Refused
 from service.schemas.problem.problem import read_problem
 from service.storage.codecs.packing import decode_arrays

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from service.csv_text import LF, csv_blocks
-from service.dynamics.solution.ball_columns import is_part
+from service.dynamics.solution.dense_output import is_part
 from service.jobs.kernels import FASTER, NeedsKernelsError, way_of_solution
 from service.jobs.records import JobResult, Refused, SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError

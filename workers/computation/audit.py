@@ -17,9 +17,9 @@ from math import isfinite, isnan
 
 import numpy as np
 
-from service.dynamics.bounds import is_within, largest
 from service.dynamics.equations.orientation import orientation_errors, trajectory_columns, trajectory_errors
 from service.dynamics.motion import COLUMNS
+from service.dynamics.numerics import is_within, largest
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput, OutsideHorizonError
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
 from service.storage.codecs.packing import CodecError, FloatArray, decode_arrays, decode_dense, unpack_arrays

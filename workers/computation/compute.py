@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.accuracy import TIER_TOLERANCES
-from service.dynamics.bounds import is_within
 from service.dynamics.equations.orientation import orientation_columns
 from service.dynamics.errors import BudgetTooSmallError, DynamicsError
 from service.dynamics.motion import COLUMNS, CrossCheck, Motion, columns_of
+from service.dynamics.numerics import is_within
 from service.dynamics.problem import Accuracy, PlanarMotion, Problem, StateMotion
 from service.dynamics.reduction.windows import hand_on_windows
-from service.dynamics.solution.ball_columns import parts_for, split
-from service.dynamics.solution.dense_output import DenseOutput
+from service.dynamics.solution.dense_output import DenseOutput, parts_for, split
 from service.dynamics.verdict.simple_form import simplified
 from service.jobs.kernels import NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution

@@ -10,14 +10,13 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.accuracy import GroupError
-from service.dynamics.bounds import is_within, largest
 from service.dynamics.equations.orientation import QUATERNION
 from service.dynamics.errors import MissingMomentError
 from service.dynamics.motion import COLUMNS, Motion
+from service.dynamics.numerics import is_within, largest
 from service.dynamics.problem import Problem, TimePeriods
 from service.dynamics.sampling import exact_instants
-from service.dynamics.solution.ball_columns import JOIN_BITS, RADIUS, split
-from service.dynamics.solution.dense_output import Period
+from service.dynamics.solution.dense_output import JOIN_BITS, RADIUS, Period, split
 from workers.solvers.certified.certify import Certified
 from workers.solvers.choose import choose_enclosures, enclose, proven_start
 from workers.solvers.errors import (

@@ -14,7 +14,6 @@ import numpy as np
 from flint import arb, ctx
 
 from service.dynamics.accuracy import SMALLEST_TOLERANCE, GroupError, keeps
-from service.dynamics.bounds import is_within, largest
 from service.dynamics.classical.classification import relations_of
 from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import areas_integral
@@ -30,10 +29,10 @@ from service.dynamics.further_integrals import (
     FurtherIntegral,
     find_further_integrals,
 )
-from service.dynamics.methods import NO_CROSS_CHECK
 from service.dynamics.motion import Estimate, Motion
+from service.dynamics.numerics import NO_CROSS_CHECK, is_within, largest
 from service.dynamics.potentials.potential import Notice
-from service.dynamics.potentials.recognition.three_terms import recognise
+from service.dynamics.potentials.recognition import recognise
 from service.dynamics.problem import Accuracy, ClassicalMotion, PlanarMotion, Problem, StateMotion
 from service.dynamics.solution.dense_output import DenseOutput
 from service.storage.codecs.summary import PROVEN_SAMPLES

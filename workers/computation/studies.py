@@ -18,22 +18,20 @@ from flint import arb, ctx
 
 from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.parts import AtlasPart, LambdaRange
-from service.dynamics.discovery.outcomes import Tell, part_of, steps_of, untold
 from service.dynamics.discovery.potential_search import ratios_that_admit
+from service.dynamics.discovery.setting import Tell, part_of, steps_of, untold
 from service.dynamics.errors import DynamicsError
 from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
-from service.dynamics.formula.parameters import bind, coefficients_of
+from service.dynamics.formula.parameters import MOMENTS, bind, coefficients_of
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.formula.tree import VARIABLES, Binary, Symbol, Tree, post_order
+from service.dynamics.formula.tree import VARIABLES, Binary, Symbol, Tree, exact_tree, post_order
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.recognition.evenness import is_even_in_g2
-from service.dynamics.potentials.terms.bound_formula import MOMENTS
+from service.dynamics.potentials.recognition import is_even_in_g2
 from service.dynamics.problem import PlanarMotion, Problem
 from service.dynamics.reduction.windows import find_windows
-from service.dynamics.solution.ball_columns import as_decimals, exact_middle
+from service.dynamics.solution.dense_output import as_decimals, exact_middle
 from service.dynamics.verdict.verdict import Verdict, decide
 from service.jobs.records import JobResult, Refused
 from service.schemas.reading.documents import Document, Part

@@ -8,15 +8,14 @@ import numpy as np
 from flint import arb
 
 from service.dynamics.accuracy import GroupError
-from service.dynamics.bounds import ErrorKind, printed_error
-from service.dynamics.discovery.cases import known_cases
+from service.dynamics.discovery.known import known_cases
 from service.dynamics.equations.orientation import LOCAL_QUATERNION
-from service.dynamics.formula.printer import format_tree
+from service.dynamics.formula.tree import format_tree
 from service.dynamics.motion import Asymptote, CrossCheck, Estimate, Motion
-from service.dynamics.numerics import NUMERICS
+from service.dynamics.numerics import NUMERICS, ErrorKind, printed_error
 from service.dynamics.potentials.potential import Notice
 from service.dynamics.problem import Problem
-from service.dynamics.solution.ball_columns import as_decimals
+from service.dynamics.solution.dense_output import as_decimals
 from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL, is_simplified
 from service.schemas.reading.documents import Part
 from service.schemas.replies.summary import (

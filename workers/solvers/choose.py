@@ -36,7 +36,7 @@ from service.dynamics.problem import (
     StateMotion,
     Tier,
 )
-from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import starting_point
 from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from workers.solvers.assembly.families import Declined, Family, PeriodicPlace, Place
 from workers.solvers.certified.certify import certify

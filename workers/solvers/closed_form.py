@@ -31,15 +31,14 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import is_within
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.motion import Motion
+from service.dynamics.numerics import is_within
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms, recognise
+from service.dynamics.potentials.recognition import ThreeTerms, recognise
 from service.dynamics.problem import Problem
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.start import StartingPoint
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import StartingPoint, Window
 from service.dynamics.solution.dense_output import EPSILON, Period, reduce_time
 from workers.solvers.assembly.families import NOT_MINE, Declined, PeriodicPlace, Place, Sampled, make_periodic
 from workers.solvers.three_terms import (

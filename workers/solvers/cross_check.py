@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import is_within
 from service.dynamics.defect.equations import Equations
 from service.dynamics.motion import CrossCheck, Motion
+from service.dynamics.numerics import is_within
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.integration.interface import neighbour_of
 from workers.solvers.integration.run_pair import RunPair, Span, run_pair

@@ -5,8 +5,8 @@ from math import floor, inf, isfinite, log10, nan
 from types import MappingProxyType
 
 from service.dynamics.accuracy import LARGEST_TOLERANCE, SMALLEST_TOLERANCE, GroupError
-from service.dynamics.bounds import is_within
 from service.dynamics.errors import DynamicsError
+from service.dynamics.numerics import is_within
 from service.dynamics.solution.dense_output import Period
 
 _NAMES = {

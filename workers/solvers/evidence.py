@@ -12,11 +12,11 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import largest
 from service.dynamics.defect.evidence import ResidualEvidence, check_residual, check_samples
 from service.dynamics.equations.euler_poisson import areas_integral, geometric_integral, kinetic_energy
 from service.dynamics.further_integrals import FurtherIntegral, integral_drift
 from service.dynamics.motion import COLUMNS, Estimate, Motion
+from service.dynamics.numerics import largest
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.solution.dense_output import DenseOutput, chebyshev_points, chebyshev_series
 from workers.solvers.ways import is_plain

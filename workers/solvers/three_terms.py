@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition import ThreeTerms
 
 LowEnd = Literal["pole", "rest", "collision"]
 HighEnd = Literal["equator", "rest"]

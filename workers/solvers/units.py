@@ -15,9 +15,9 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import largest
 from service.dynamics.classical.placement import Start
 from service.dynamics.motion import COLUMNS, Asymptote, Estimate, Motion
+from service.dynamics.numerics import largest
 from service.dynamics.problem import (
     ClassicalMotion,
     Partial,

@@ -15,8 +15,8 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Times
 from service.schemas.sweep.sweep import Sweep
 from workers.solvers.choose import QUICK_SPEED
-from workers.solvers.compiled.solve import Tier
 from workers.solvers.compiled.motion import ALL
+from workers.solvers.compiled.solve import Tier
 from workers.solvers.units import Units
 from workers.sweeping.parameters.points import (
     ListedNumbers,

@@ -14,7 +14,6 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.bands import Measured, series_of
 from service.dynamics.atlas.curves import (
     HalfCurves,
     LambdaStretch,
@@ -24,20 +23,27 @@ from service.dynamics.atlas.curves import (
     motion_at,
     plain_halves,
 )
-from service.dynamics.atlas.latitudes import stays_at_latitudes, zeros_at_latitudes
-from service.dynamics.atlas.parts import Atlas, AtlasPart, Beside, Change, LambdaRange, change_between
+from service.dynamics.atlas.parts import (
+    Atlas,
+    AtlasPart,
+    Beside,
+    Change,
+    LambdaRange,
+    Measured,
+    change_between,
+    series_of,
+)
 from service.dynamics.atlas.sampled_atlas import sampled_atlas, single_at
 from service.dynamics.atlas.structures import LambdaPart, first_stretches, parts_of_range, whole_range
-from service.dynamics.atlas.zeros import CELL_RELATIVE_WIDTH, zeros_of
+from service.dynamics.atlas.zeros import CELL_RELATIVE_WIDTH, stays_at_latitudes, zeros_at_latitudes, zeros_of
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.intervals import IntervalAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
-from service.dynamics.formula.parity import is_written_even
-from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.families.general_formula import formula_of
 from service.dynamics.potentials.families.general_solution import GeneralPotential
 from service.dynamics.potentials.potential import Potential
+from service.dynamics.potentials.recognition import is_written_even
 from service.dynamics.problem import PlanarMotion, Sign
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
     QUARTER_TURN,
@@ -152,14 +158,15 @@ def with_formula(potential: Potential) -> Potential:
     if not isinstance(stated, GeneralPotential):
         return potential
     found = formula_of(stated)
-    if stated.is_uniform and _is_constant(stated.pieces[0].angular.F.tape):
+    F = stated.pieces[0].angular.F.tape
+    if (
+        stated.is_uniform
+        and F.result != 0
+        and all(0 not in (made.left, made.right) for made in F.instructions)
+    ):
         return found or stated
     is_simpler = found is not None and potential.has_formula and potential.tree != found.tree
     return potential if is_simpler else stated
-
-
-def _is_constant(F: Tape) -> bool:
-    return F.result != 0 and all(0 not in (made.left, made.right) for made in F.instructions)
 
 
 def _halves(body: RigidBody, potential: Potential, over: LambdaRange) -> list[HalfCurves]:

@@ -1,6 +1,6 @@
 """The atlas of a potential without a formula: sampled at single λ, not proved between them.
 
-Signs of p² along the curve are computed in doubles (:mod:`.grid_signs`). Where two neighbouring λ differ the
+Signs of p² along the curve are computed in doubles. Where two neighbouring λ differ the
 stretch between them is halved, until it is narrow: it encloses a change, if the signs at both ends are
 true. A window that opens and closes between two neighbouring λ is missed. Ends of windows are enclosed in
 balls, and the kinds of the windows are those that a single motion finds at one λ of the part.
@@ -14,17 +14,29 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.atlas.bands import Measured, WindowSeries, series_of
 from service.dynamics.atlas.curves import (
+    GridSigns,
     LambdaStretch,
     PlainHalves,
     d_on_curves,
     equator_of,
+    grid_signs_at,
     motion_at,
+    radicand_ball,
+    trusted_points,
     zero_between,
 )
-from service.dynamics.atlas.grid_signs import GridSigns, grid_signs_at, radicand_ball, trusted_points
-from service.dynamics.atlas.parts import Atlas, AtlasPart, Beside, Change, LambdaRange, change_between
+from service.dynamics.atlas.parts import (
+    Atlas,
+    AtlasPart,
+    Beside,
+    Change,
+    LambdaRange,
+    Measured,
+    WindowSeries,
+    change_between,
+    series_of,
+)
 from service.dynamics.atlas.sign_maps import EQUATOR, Signature
 from service.dynamics.atlas.zeros import Zeros
 from service.dynamics.errors import DynamicsError

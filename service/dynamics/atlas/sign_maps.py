@@ -22,11 +22,11 @@ from service.dynamics.reduction.sign_proofs.cells import Curves, signs_on_cells
 from service.dynamics.reduction.sign_proofs.infinities import limits_between
 from service.dynamics.reduction.sign_proofs.signs import (
     CELLS,
-    FIRST,
     INFINITE,
     SignMap,
     cells_to_cut,
     chosen,
+    first_cells,
     joined,
     parts_of,
 )
@@ -112,7 +112,7 @@ def _first(curves: Curves, starts: Sequence[SignMap | None]) -> list[SignMap]:
     found: list[SignMap | None] = list(starts)
     fresh = [k for k, start in enumerate(starts) if start is None]
     if fresh:
-        cells = _together([_first_cells()] * len(fresh), fresh)
+        cells = _together([first_cells()] * len(fresh), fresh)
         answers = _split(
             SignMap(cells, signs_on_cells(curves, cells, with_slope=False), _no_zeros(cells)), fresh
         )
@@ -129,16 +129,6 @@ def _first(curves: Curves, starts: Sequence[SignMap | None]) -> list[SignMap]:
         for k, start in given.items():
             found[k] = joined(chosen(start, ~again[k]), answers[k])
     return [sign_map for sign_map in found if sign_map is not None]
-
-
-def _first_cells() -> Cells:
-    low, high = FIRST[:-1], FIRST[1:]
-    return Cells(
-        np.zeros(2 * len(low), dtype=np.int64),
-        np.repeat([1.0, -1.0], len(low)),
-        np.concatenate([low, low[::-1]]),
-        np.concatenate([high, high[::-1]]),
-    )
 
 
 def _open_cells(sign_map: SignMap) -> BoolArray:
@@ -242,19 +232,15 @@ def signature_of(sign_map: SignMap) -> Signature | None:
     if not all(is_settled[k] for k in at_ends) or not all(map(sign_map.is_infinite, sign_map.open_gaps())):
         return None
     labels = np.where(sign_map.found.is_undefined, UNDEFINED, sign_map.found.sign)
-    # A change without a stretch of growth or fall between is a jump, or the edge of where p² has a value.
+    # A change without a stretch of growth or fall between is a jump, or the edge of where p² has a value; in
+    # a gap at such an edge nothing is proved by a slope.
     jumps = (labels[1:] != labels[:-1]) & is_settled[1:] & is_settled[:-1]
-    if jumps.any() or _touches_edge(sign_map, labels):
+    if jumps.any() or any(UNDEFINED in (labels[first - 1], labels[last]) for first, last in sign_map.gaps()):
         return None
     labels = np.where(is_infinite, INFINITE, labels)
     parts = [labels[part & (is_settled | is_infinite)] for part in (north, ~north)]
     runs = [part[np.flatnonzero(np.diff(part, prepend=0))].tolist() for part in parts]
     return (*runs[0], EQUATOR, *runs[1])
-
-
-def _touches_edge(sign_map: SignMap, labels: IntArray) -> bool:
-    """Tell whether a gap begins or ends where p² has no value: what is there is not proved by a slope."""
-    return any(UNDEFINED in (labels[first - 1], labels[last]) for first, last in sign_map.gaps())
 
 
 def brackets_of(sign_map: SignMap) -> list[Bracket]:

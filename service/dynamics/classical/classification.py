@@ -16,16 +16,14 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import is_within
-from service.dynamics.classical.bodies import fittings
+from service.dynamics.classical.bodies import CASES, CONDITION_RELATIVE_ROUNDING, fittings
 from service.dynamics.classical.cases import hess, staude
-from service.dynamics.classical.catalogue import CASES
-from service.dynamics.classical.conditions import CONDITION_RELATIVE_ROUNDING
 from service.dynamics.classical.placement import Placed, Start, place
 from service.dynamics.classical.protocol import Number
 from service.dynamics.equations.euler_poisson import areas_integral
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
+from service.dynamics.numerics import is_within
 from service.dynamics.problem import ClassicalMotion, Sign
 
 FloatArray = NDArray[np.float64]

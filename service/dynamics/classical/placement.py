@@ -13,12 +13,20 @@ from flint import arb, ctx
 from service.dynamics.body import RigidBody
 from service.dynamics.classical.bodies import Fitting, Partly, fittings
 from service.dynamics.classical.cases import hess, staude
-from service.dynamics.classical.errors import CaseMomentsError, CaseNotRealError, CaseParameterError
-from service.dynamics.classical.loop import CASE_BITS, ReducedLoop, loops
-from service.dynamics.classical.protocol import ClassicalCase, Number, Reduced, Setting, State
+from service.dynamics.classical.protocol import (
+    CASE_BITS,
+    ClassicalCase,
+    Number,
+    Reduced,
+    ReducedLoop,
+    Setting,
+    State,
+    loops,
+)
+from service.dynamics.errors import CaseMomentsError, CaseNotRealError, CaseParameterError
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import ClassicalMotion
-from service.dynamics.solution.ball_columns import exact_middle
+from service.dynamics.solution.dense_output import exact_middle
 
 RELATION_RELATIVE_ROUNDING = Fraction(1, 10**15)
 """Relative: a state that satisfies a relation so closely means the one that satisfies it."""

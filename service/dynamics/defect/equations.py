@@ -16,14 +16,15 @@ from service.dynamics.body import RigidBody
 from service.dynamics.equations.euler_poisson import FourOperations, integrals_in, moments_of, rates_in
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.discs import Disc, DiscAlgebra
-from service.dynamics.formula.algebras.interval_bounds import OPERATION_ROUNDING, widened
-from service.dynamics.formula.algebras.intervals import IntervalAlgebra
+from service.dynamics.formula.algebras.intervals import OPERATION_ROUNDING, IntervalAlgebra, widened
 from service.dynamics.formula.algebras.jets import FirstOrderJets
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.reduction.sign_proofs.neighbourhoods import spread_about_zeros
 from service.dynamics.reduction.windows import REDUCTION_BITS
+
+FloatArray = NDArray[np.float64]
 
 T = TypeVar("T")
 
@@ -67,8 +68,6 @@ def operations_of(algebra: Algebra[T]) -> FourOperations[T]:
 def _constants(algebra: Algebra[T], body: RigidBody) -> list[T]:
     return [algebra.constant(each) for each in moments_of(body)]
 
-
-FloatArray = NDArray[np.float64]
 
 POLE_DISTANCE = 1e-12
 """|g1| and |g3| up to which a potential without a formula has no slope for doubles."""

@@ -15,13 +15,12 @@ from math import isqrt
 from flint import arb, fmpz_mpoly
 
 from service.dynamics.discovery.functions import ORDER, Functions, Quotient, SolvedRelation
-from service.dynamics.discovery.outcomes import EmptyRelationsError
-from service.dynamics.discovery.setting import STATE
+from service.dynamics.discovery.setting import STATE, EmptyRelationsError
 from service.dynamics.discovery.strata import by_powers, evaluated, root_modulo
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.potentials.terms.bound_formula import MOMENTS
-from service.dynamics.verdict.exact_ring.layout import NoProofError
-from service.dynamics.verdict.sphere.points import sphere_points
+from service.dynamics.formula.parameters import MOMENTS
+from service.dynamics.verdict.exact_ring.generators import NoProofError
+from service.dynamics.verdict.sphere.boxes import sphere_points
 
 MAX_ROUNDS = 8
 """Derivatives that are taken of relations."""

@@ -16,18 +16,23 @@ from typing import TypeVar
 from flint import Ordering, arb, fmpz_mpoly, fmpz_mpoly_ctx
 
 from service.dynamics.defect.equations import operations_of
-from service.dynamics.discovery.outcomes import FunctionTooLargeError, UndefinedFunctionError
-from service.dynamics.discovery.setting import POTENTIAL_POINTER, STATE, VELOCITIES, LetteredSetting
+from service.dynamics.discovery.setting import (
+    POTENTIAL_POINTER,
+    STATE,
+    VELOCITIES,
+    FunctionTooLargeError,
+    LetteredSetting,
+    UndefinedFunctionError,
+)
 from service.dynamics.discovery.strata import Letters, by_powers, coefficients
 from service.dynamics.equations.euler_poisson import rates_in
 from service.dynamics.errors import ImpossibleInertiaError
 from service.dynamics.formula.algebra import Algebra, DerivedOperations
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
-from service.dynamics.formula.parameters import PI
+from service.dynamics.formula.parameters import MOMENTS, PI
 from service.dynamics.formula.tape import Instruction, Recorder, Tape
-from service.dynamics.potentials.terms.bound_formula import MOMENTS
-from service.dynamics.verdict.exact_ring.layout import NoProofError
+from service.dynamics.verdict.exact_ring.generators import NoProofError
 
 T = TypeVar("T")
 

@@ -19,12 +19,15 @@ from flint import fmpz_mpoly, nmod_mat
 
 from service.dynamics.discovery.closure import on_sphere, on_zero_areas
 from service.dynamics.discovery.functions import ORDER, Functions, Quotient
+from service.dynamics.discovery.independence import ModularPoint
 from service.dynamics.discovery.known import Candidate, candidates
-from service.dynamics.discovery.modular_points import ModularPoint
-from service.dynamics.discovery.outcomes import (
+from service.dynamics.discovery.setting import (
+    POTENTIAL_POINTER,
+    STATE,
     FoundIntegral,
     FunctionTooLargeError,
     IntegralSearch,
+    LetteredSetting,
     NotPolynomialError,
     SearchTooLargeError,
     SpecialIntegrals,
@@ -33,7 +36,6 @@ from service.dynamics.discovery.outcomes import (
     thirds_of,
     untold,
 )
-from service.dynamics.discovery.setting import POTENTIAL_POINTER, STATE, LetteredSetting
 from service.dynamics.discovery.strata import (
     EVERYWHERE,
     Letters,
@@ -46,9 +48,9 @@ from service.dynamics.discovery.strata import (
     special_strata,
 )
 from service.dynamics.formula.algebras.monomials import weighted_sum
+from service.dynamics.formula.parameters import MOMENTS
 from service.dynamics.formula.tree import VARIABLES, Tree
-from service.dynamics.potentials.terms.bound_formula import MOMENTS
-from service.dynamics.verdict.exact_ring.layout import NoProofError
+from service.dynamics.verdict.exact_ring.generators import NoProofError
 
 MAX_UNKNOWNS = 3000
 """Coefficients of one search."""
@@ -241,7 +243,7 @@ class _Search:
         for block in steps_of(self.blocks, tell):
             rows = [row for row in map(stratum.apply, block.rows) if row]
             solved = kernel(rows, len(block.places), self.letters, is_late)
-            for vector in echelon(solved, self.letters):
+            for vector in echelon(solved):
                 whole = {block.places[place]: entry for place, entry in vector.items()}
                 vectors.append((max(whole), whole))
         vectors.sort(key=lambda each: self._order(each[0]))

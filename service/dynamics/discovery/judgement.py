@@ -26,18 +26,20 @@ from service.dynamics.discovery.closure import (
 )
 from service.dynamics.discovery.functions import FunctionQuestion, Functions, Quotient
 from service.dynamics.discovery.independence import with_independence
-from service.dynamics.discovery.outcomes import (
+from service.dynamics.discovery.setting import (
+    STATE,
+    VELOCITIES,
     EmptyRelationsError,
     IntegralJudgement,
+    LetteredSetting,
     Level,
     NotPolynomialError,
     StateCounterexample,
     UndefinedFunctionError,
 )
-from service.dynamics.discovery.setting import STATE, VELOCITIES, LetteredSetting
 from service.dynamics.formula.tree import VARIABLES
-from service.dynamics.verdict.exact_ring.layout import NoProofError
-from service.dynamics.verdict.refutations.counterexample import DecimalBall, decimal_ball
+from service.dynamics.verdict.exact_ring.generators import NoProofError
+from service.dynamics.verdict.refutations import DecimalBall, decimal_ball
 
 FUNCTION_POINTER = "/function"
 RELATIONS_POINTER = "/relations"

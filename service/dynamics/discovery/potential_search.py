@@ -14,18 +14,19 @@ from itertools import product as pairs_of
 from flint import Ordering, acb_poly, fmpz_mpoly, fmpz_mpoly_ctx, fmpz_poly
 
 from service.dynamics.discovery.functions import Functions
-from service.dynamics.discovery.outcomes import (
+from service.dynamics.discovery.setting import (
+    POTENTIAL_POINTER,
     AdmittingRatios,
     NotPolynomialError,
     PotentialSearch,
     SearchTooLargeError,
     SpecialRatio,
     Tell,
+    read_setting,
     steps_of,
     thirds_of,
     untold,
 )
-from service.dynamics.discovery.setting import POTENTIAL_POINTER, read_setting
 from service.dynamics.discovery.strata import (
     PRIME,
     Letters,
@@ -125,7 +126,7 @@ class _Block:
 
     def _solved(self, ring: _Ring) -> list[fmpz_mpoly]:
         monomials, found = self.monomials, list[fmpz_mpoly]()
-        for row in echelon(kernel(self.rows(ring), len(monomials), ring.letters), ring.letters):
+        for row in echelon(kernel(self.rows(ring), len(monomials), ring.letters)):
             terms = {
                 (*low, *monomials[place]): value for place, each in row.items() for low, value in each.terms()
             }

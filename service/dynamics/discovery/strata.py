@@ -373,7 +373,7 @@ def _number_kernel(rows: Sequence[Row], width: int, ring: fmpz_mpoly_ctx) -> lis
     return found
 
 
-def echelon(vectors: Sequence[Row], letters: Letters) -> list[Row]:
+def echelon(vectors: Sequence[Row]) -> list[Row]:
     """Return a basis of the same space in which each vector has a last place of its own, in rising order.
 
     So the vectors whose last places are first span all that has nothing behind.

@@ -25,9 +25,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from service.dynamics.bounds import largest
 from service.dynamics.formula.algebra import Algebra, RingElement
-from service.dynamics.formula.algebras.scalar import ScalarAlgebra
+from service.dynamics.formula.algebras.real import ScalarAlgebra
+from service.dynamics.numerics import largest
 from service.dynamics.solution.dense_output import (
     EPSILON,
     TURN,

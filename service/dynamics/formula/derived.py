@@ -13,8 +13,8 @@ from itertools import combinations_with_replacement, count
 from typing import NamedTuple, cast
 
 from service.dynamics.formula.algebras.jets import FirstOrderJets, Jet, SecondOrderJets
+from service.dynamics.formula.programs import Traced, Tracer
 from service.dynamics.formula.tape import Instruction, Operation, Tape
-from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.formula.tree import VARIABLES
 
 CACHED_STRUCTURES = 256

@@ -1,17 +1,18 @@
-"""Parameters of a formula: exact numbers in place of their names, and the terms of each of them.
+"""Parameters of a client's formula: names that are checked, exact numbers in their place, and their terms.
 
 Terms are split off formulas that are polynomial in their parameters.
 """
 
 import difflib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from service.dynamics.formula.errors import FormulaError, UnknownNameError
-from service.dynamics.formula.folding import fold_binary, fold_call
-from service.dynamics.formula.printer import exact_tree
+from service.dynamics.body import RigidBody
+from service.dynamics.errors import DynamicsError, FormulaError, UnknownNameError
+from service.dynamics.formula.parser import is_name, parse_located
 from service.dynamics.formula.tree import (
+    FUNCTIONS,
     VARIABLES,
     Binary,
     BinaryOperator,
@@ -20,12 +21,15 @@ from service.dynamics.formula.tree import (
     Number,
     Symbol,
     Tree,
+    exact_tree,
+    fold_binary,
+    fold_call,
     fold_tree,
+    post_order,
 )
 
 PI = "pi"
 """The one name that always means something and is not an exact number."""
-
 MAX_LISTED = 40
 """Names listed in a message."""
 
@@ -92,13 +96,10 @@ def bind(
 
 _Bound = tuple[Tree, Fraction | None]
 """A bound subtree and its exact value, if it is a rational constant."""
-
-
 MAX_PARTS = 12
 """Products of parameters in one formula."""
 _LARGEST_POWER = 8
 _ONE, _ZERO = Number(Fraction(1)), Number(Fraction(0))
-
 Product = tuple[int, ...]
 """Exponents of the parameters, in their order."""
 _Sum = dict[Product, Tree]
@@ -169,7 +170,11 @@ def _expand(tree: Tree, free: Sequence[str], constants: Mapping[str, Fraction]) 
                 return {units[name]: _ONE}
             case Symbol(name):
                 # A term that is 0 is taken away whole, also where the rest of it has no value.
-                return {} if constants.get(name) == 0 else {one: _valued(node, constants)}
+                return (
+                    {}
+                    if constants.get(name) == 0
+                    else {one: bind(node, constants) if name in constants else node}
+                )
             case Negation():
                 return {product: Negation(part) for product, part in operands[0].items()}
             case Call(function):
@@ -222,10 +227,6 @@ def _expand(tree: Tree, free: Sequence[str], constants: Mapping[str, Fraction]) 
     return fold_tree(tree, build)
 
 
-def _valued(node: Symbol, constants: Mapping[str, Fraction]) -> Tree:
-    return bind(node, constants) if node.name in constants else node
-
-
 def _multiply(left: _Sum, right: _Sum, names: Collection[str]) -> _Sum:
     total: _Sum = {}
     for one, first in left.items():
@@ -262,3 +263,63 @@ def _text(names: Sequence[str], product: Product) -> str:
         for name, k in zip(names, product, strict=True)
         if k
     )
+
+
+PARAMETERS_POINTER = "/potential/parameters"
+MOMENTS = ("A", "B", "C")
+RESERVED_NAMES = frozenset((*VARIABLES, *MOMENTS, PI, *FUNCTIONS))
+"""Names that mean something already and cannot be parameters."""
+
+
+class ParameterNameError(DynamicsError):
+    """A parameter whose name is taken, or is not a name of the grammar."""
+
+    code = "parameter_name"
+
+
+def require_parameter_names(parameters: Iterable[str]) -> None:
+    """Raise ParameterNameError, pointing at the parameter, if a name cannot be used."""
+    for name in parameters:
+        if name in RESERVED_NAMES:
+            reason = f"{name!r} cannot be a parameter: it has a meaning already"
+        elif not is_name(name):
+            reason = f"{name[:40]!r} is not a name: a letter or '_', then letters, digits and '_'"
+        else:
+            continue
+        # A pointer spells "~" and "/" as "~0" and "~1" (RFC 6901).
+        place = name.replace("~", "~0").replace("/", "~1")
+        raise ParameterNameError(reason, pointer=f"{PARAMETERS_POINTER}/{place}")
+
+
+def bound_formula(
+    text: str,
+    variables: Sequence[str],
+    parameters: Mapping[str, Fraction],
+    body: RigidBody,
+    pointer: str,
+) -> Tree:
+    """Return the tree of ``text`` in the ``variables``, pi and numbers.
+
+    Raises
+    ------
+    FormulaError
+        The text is not a formula, is too large, has an unknown name or a
+        constant without a value; with ``pointer``.
+    MissingMomentError
+        The formula has B, and the body does not.
+    """
+    try:
+        located = parse_located(text)
+        constants = {**parameters, "A": body.A, "C": body.C}
+        if body.B is not None:
+            constants["B"] = body.B
+        elif any(isinstance(node, Symbol) and node.name == "B" for node in post_order(located.tree)):
+            body.require_B("the formula")
+        return bind(located.tree, constants, variables=variables, positions=located.positions)
+    except FormulaError as error:
+        raise error.at(pointer=pointer) from error
+
+
+def named_formula(text: str, variables: Sequence[str], names: Iterable[str], body: RigidBody) -> Tree:
+    """Return the tree of ``text`` with the ``names`` of its parameters left in; raises as bound_formula."""
+    return bound_formula(text, (*variables, *names), {}, body, "/potential")

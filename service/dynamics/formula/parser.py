@@ -12,13 +12,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from service.dynamics.errors import InvalidNumberError
+from service.dynamics.errors import FormulaError, FormulaLimitError, InvalidNumberError
 from service.dynamics.exact import MAX_DIGITS, exact_number
 from service.dynamics.exact import MAX_EXPONENT as MAX_DECIMAL_EXPONENT
-from service.dynamics.formula.errors import FormulaError, FormulaLimitError
-from service.dynamics.formula.limits import MAX_CHARACTERS, MAX_DEPTH, MAX_NAME, MAX_TOKENS, require
 from service.dynamics.formula.tree import (
+    BINDING,
     FUNCTIONS,
+    MAX_CHARACTERS,
+    MAX_DEPTH,
+    MAX_NAME,
+    MAX_TOKENS,
+    SIGN,
     Binary,
     BinaryOperator,
     Call,
@@ -27,6 +31,7 @@ from service.dynamics.formula.tree import (
     Number,
     Symbol,
     Tree,
+    require,
 )
 
 TokenKind = Literal["number", "name", "operator", "open", "close", "end"]
@@ -133,11 +138,6 @@ def is_name(text: str) -> bool:
     return match is not None and match.lastgroup == "name" and len(text) <= MAX_NAME
 
 
-SUM, PRODUCT, SIGN, POWER, ATOM = 1, 2, 3, 4, 5
-"""How tightly the node kinds bind."""
-
-BINDING: dict[BinaryOperator, int] = {"+": SUM, "-": SUM, "*": PRODUCT, "/": PRODUCT, "^": POWER}
-
 _OPERATORS: dict[str, BinaryOperator] = {**{operator: operator for operator in BINDING}, "**": "^"}
 _FUNCTIONS: dict[str, FunctionName] = {name: name for name in FUNCTIONS}
 
@@ -175,7 +175,7 @@ def parse(text: str, symbol: Callable[[str], Tree] = Symbol) -> Tree:
     FormulaError
         The text is not a formula; ``position`` is the offset of the fault.
     FormulaLimitError
-        The text is larger than :mod:`service.dynamics.formula.limits` allows.
+        The text is larger than :mod:`service.dynamics.formula.tree` allows.
     """
     return _parsed(text, symbol).tree
 

@@ -1,24 +1,121 @@
-"""Formulas in balls as lists of operations: decided once, then gone through.
+"""Formulas as traces, which any algebra replays, and in balls as lists of operations that are gone through.
 
-What a tape does in an algebra is traced (:mod:`.traces`), and the trace becomes a list of operations on
+A tape that is evaluated over jets decides anew for every number which derivatives are 0, and makes
+an object for every step. A trace has decided that: it is what the jets do to their base algebra.
+
+What a tape does in balls is traced, and the trace becomes a list of operations on
 registers. Every operation is that of the algebra, in an order that gives the same balls to the last bit.
 """
 
 import operator
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, NamedTuple, TypeVar
 
 from flint import ctx
 
 from service.dynamics.formula.algebra import Algebra
-from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
-from service.dynamics.formula.traces import Step, Traced, Tracer
+from service.dynamics.formula.algebras.ball import BallAlgebra, ComplexBallAlgebra
 
 if TYPE_CHECKING:
     from service.dynamics.formula.tape import Tape
+
+T = TypeVar("T")
+
+
+class Step(NamedTuple):
+    """One operation of an algebra on earlier values; its own value has the number of its place."""
+
+    operation: str
+    """The name of the algebra's method."""
+    left: int = -1
+    right: int = -1
+    number: Fraction | None = None
+    """The value of a constant, or the exponent of a power."""
+    name: str = ""
+    """The function of a call."""
+
+
+class Traced:
+    """A value of the tracer, known by its number alone."""
+
+    __slots__ = ("number",)
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+
+
+class Tracer:
+    """An algebra whose values are the numbers of steps; equal steps are one, and one object."""
+
+    def __init__(self) -> None:
+        self._steps: list[Step] = []
+        self._values: dict[Step, Traced] = {}
+
+    def variable(self, name: str) -> Traced:
+        """Return an input."""
+        return self._append(Step("variable", name=name))
+
+    def constant(self, value: Fraction) -> Traced:
+        """Return an exact number."""
+        return self._append(Step("constant", number=value))
+
+    def pi(self) -> Traced:
+        """Return π."""
+        return self._append(Step("pi"))
+
+    def add(self, left: Traced, right: Traced) -> Traced:
+        """Return left + right."""
+        return self._append(Step("add", left.number, right.number))
+
+    def subtract(self, left: Traced, right: Traced) -> Traced:
+        """Return left - right."""
+        return self._append(Step("subtract", left.number, right.number))
+
+    def multiply(self, left: Traced, right: Traced) -> Traced:
+        """Return left · right."""
+        return self._append(Step("multiply", left.number, right.number))
+
+    def divide(self, left: Traced, right: Traced) -> Traced:
+        """Return left / right."""
+        return self._append(Step("divide", left.number, right.number))
+
+    def negate(self, operand: Traced) -> Traced:
+        """Return -operand."""
+        return self._append(Step("negate", operand.number))
+
+    def power(self, base: Traced, exponent: Fraction) -> Traced:
+        """Return base^exponent."""
+        return self._append(Step("power", base.number, number=exponent))
+
+    def general_power(self, base: Traced, exponent: Traced) -> Traced:
+        """Return exp(exponent · log(base))."""
+        return self._append(Step("general_power", base.number, exponent.number))
+
+    def call(self, name: str, argument: Traced) -> Traced:
+        """Return the function of the argument."""
+        return self._append(Step("call", argument.number, name=name))
+
+    def steps(self, results: Sequence[Traced]) -> list[tuple[int, Step]]:
+        """Return what the results need, in order, each step with its number."""
+        needed = {result.number for result in results}
+        kept = []
+        for number in reversed(range(len(self._steps))):
+            if number in needed:
+                step = self._steps[number]
+                needed |= {step.left, step.right}
+                kept.append((number, step))
+        return kept[::-1]
+
+    def _append(self, step: Step) -> Traced:
+        value = self._values.get(step)
+        if value is None:
+            value = self._values[step] = Traced(len(self._steps))
+            self._steps.append(step)
+        return value
+
 
 MANY_EVALUATIONS = 12
 """Evaluations of one kind after which a program pays for its making."""
@@ -28,8 +125,6 @@ CACHED_FORMULAS = 64
 """Number of formulas whose programs are cached for the next problem."""
 CACHED_PRECISIONS = 16
 """Number of precisions for which the constants of a program are cached."""
-
-T = TypeVar("T")
 Kind = Literal["real", "complex", "analytic"]
 Run = Callable[..., tuple[Any, ...]]
 """Returns the results, given the inputs: balls or complex ones."""

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, Literal, NamedTuple, TypeVar  # Any: what others derive from a tape
 
+from service.dynamics.errors import UnknownNameError
 from service.dynamics.formula.algebra import Algebra
-from service.dynamics.formula.errors import UnknownNameError
-from service.dynamics.formula.folding import fold_binary, fold_call, require_exponent
 from service.dynamics.formula.parameters import PI
 from service.dynamics.formula.programs import Programs, Run, Way
 from service.dynamics.formula.tree import (
@@ -19,7 +18,10 @@ from service.dynamics.formula.tree import (
     Number,
     Symbol,
     Tree,
+    fold_binary,
+    fold_call,
     post_order,
+    require_exponent,
 )
 
 T = TypeVar("T")
@@ -95,7 +97,7 @@ def compile_tape(tree: Tree, variables: Sequence[str] = VARIABLES, *, formally: 
     """Return the tape of ``tree``, whose symbols must be ``variables`` or ``pi``.
 
     Constant parts become exact numbers, by the rules of
-    :func:`~service.dynamics.formula.folding.fold_binary`; x + 0, 1·x and x^1 are x. If not ``formally``,
+    :func:`~service.dynamics.formula.tree.fold_binary`; x + 0, 1·x and x^1 are x. If not ``formally``,
     what is multiplied by 0, divides 0 or has the exponent 0 stays: the tape has a value only where all
     parts of the formula have one.
 

@@ -11,7 +11,7 @@ from fractions import Fraction
 
 from flint import fmpq_poly
 
-from service.dynamics.formula.register_polynomials import RegisterPolynomials, written_in_g2
+from service.dynamics.formula.rewriting import RegisterPolynomials, written_in_g2
 from service.dynamics.formula.tape import Instruction, Recorder, Tape, without_unused
 
 _G2, _U = 1, 3
@@ -133,7 +133,11 @@ def _divisors(tape: Tape) -> list[int]:
         elif (
             made.operation == "general_power"
             or made.name == "log"
-            or (made.operation == "power" and made.number is not None and _is_singular(made.number))
+            or (
+                made.operation == "power"
+                and made.number is not None
+                and (made.number < 0 or made.number.denominator > 1)
+            )
         ):
             found[made.left] = None
     return list(dict.fromkeys(part for register in found for part in _vanishing_in(tape, register)))
@@ -148,10 +152,6 @@ def _vanishing_in(tape: Tape, register: int) -> Iterator[int]:
     yield from _vanishing_in(tape, made.left)
     if made.operation == "multiply":
         yield from _vanishing_in(tape, made.right)
-
-
-def _is_singular(exponent: Fraction) -> bool:
-    return exponent < 0 or exponent.denominator > 1
 
 
 def _instruction(tape: Tape, register: int) -> Instruction | None:

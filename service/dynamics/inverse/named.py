@@ -11,20 +11,19 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.errors import FormulaError
+from service.dynamics.errors import FormulaError
 from service.dynamics.formula.parameters import bind, split_by_parameters
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import VARIABLES, Tree
-from service.dynamics.inverse.curve_function import F_formula, is_F_confirmed
+from service.dynamics.formula.tree import VARIABLES, Tree, format_tree
 from service.dynamics.inverse.decomposition import (
     Decomposition,
+    F_formula,
     G_formula,
     energy_in_quadrant,
+    is_F_confirmed,
     points_with_values,
 )
-from service.dynamics.inverse.monomial_sums import expand_in_quadrant
-from service.dynamics.inverse.polynomials import as_polynomial
+from service.dynamics.inverse.polynomials import as_polynomial, expand_in_quadrant
 from service.dynamics.inverse.projection import Nearest, nearest_expression
 from service.dynamics.inverse.section import formula_text, is_G_confirmed
 from service.dynamics.potentials.families.general_solution import QUADRANTS, SIGNS, Quadrant
@@ -33,11 +32,11 @@ from service.dynamics.verdict.proofs.energy_terms import (
     EnergyTerms,
     OctantTerms,
     energy_terms,
+    energy_text,
     formula_of,
     signed_formulas_of,
     sum_text,
 )
-from service.dynamics.verdict.proofs.general_energy import energy_text
 from service.dynamics.verdict.proofs.proof import Signs, prove
 
 CURVE_NAMES = frozenset(("lambda", "nu", "w"))
@@ -194,12 +193,10 @@ def _sum_of_terms(of_parts: list[tuple[str, OctantTerms]], signs: Signs) -> Ener
         terms = octants[signs]
         if terms is None:
             return None
-        total |= {(power, _joined(factor, constant)): c for (power, constant), c in terms.items()}
+        total |= {
+            (power, "*".join(filter(None, (factor, constant)))): c for (power, constant), c in terms.items()
+        }
     return total
-
-
-def _joined(*factors: str) -> str:
-    return "*".join(factor for factor in factors if factor)
 
 
 def _times(factor: str, text: str) -> str:

@@ -29,10 +29,9 @@ from flint import fmpq, fmpq_mat, fmpz_mat, fmpz_mpoly_ctx
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.compatibility import pde_residual
 from service.dynamics.formula.algebras.monomials import as_fraction
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import Binary, Tree
-from service.dynamics.inverse.monomial_sums import MAX_COEFFICIENT_BITS
+from service.dynamics.formula.tree import Binary, Tree, format_tree
 from service.dynamics.inverse.polynomials import (
+    MAX_COEFFICIENT_BITS,
     PolynomialSum,
     as_polynomial,
     degree,
@@ -44,7 +43,7 @@ from service.dynamics.inverse.polynomials import (
 )
 from service.dynamics.inverse.section import formula_text
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.powers import Exponents, monomial_sum
+from service.dynamics.potentials.terms import Exponents, monomial_sum
 
 
 def mean_product(left: PolynomialSum, right: PolynomialSum) -> Fraction:

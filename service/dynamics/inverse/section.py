@@ -1,4 +1,4 @@
-"""Finds G as a formula from V on the section phi = pi/4 of a quadrant, where V1 is zero.
+"""Finds G from V on the section phi = pi/4 of a quadrant, where V1 is zero: as a formula or in doubles.
 
 With |g1| = |g3| = (rho/2)^(1/2) and rho = 1 - g2² there,
 
@@ -6,18 +6,19 @@ With |g1| = |g3| = (rho/2)^(1/2) and rho = 1 - g2² there,
 """
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from math import comb, floor
+from math import comb, floor, inf, isfinite, nan, nextafter
 
+import numpy as np
 from flint import arb, ctx
+from numpy.typing import ArrayLike, NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.errors import FormulaError
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.formula.tree import (
     Binary,
@@ -27,21 +28,69 @@ from service.dynamics.formula.tree import (
     Symbol,
     Tree,
     fold_tree,
+    format_tree,
     with_operands,
 )
-from service.dynamics.inverse.enclosures import BallFunction
-from service.dynamics.inverse.monomial_sums import Expansion
+from service.dynamics.inverse.polynomials import Expansion
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.verdict.proofs.energy_terms import power_text, sum_text, term_text
 
+FloatArray = NDArray[np.float64]
+BallFunction = Callable[[arb], arb]
+PRECISIONS = (96, 192, 384, 768, 1536)
+"""Bits, in turn, until a ball is narrow."""
+_BITS_OF_ZERO = 384
+"""A ball with so many bits that still has 0 in it is taken for 0: a value that is 0 is never narrow."""
+_RELATIVE_RADIUS = 2.0**-56
+"""Relative radius that is lost in the rounding to a double."""
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """Doubles and bounds of their errors, of one shape; where there is no value, NaN ± ∞."""
+
+    value: FloatArray
+    error: FloatArray
+
+
+def enclose(function: BallFunction, points: ArrayLike) -> Values:
+    """Return ``function`` at doubles of any shape, each with a rigorous bound of its error."""
+    points = np.asarray(points, dtype=np.float64)
+    pairs = [_value_at(function, x) for x in points.ravel().tolist()]
+    value, error = np.array(pairs, dtype=np.float64).reshape(-1, 2).T
+    return Values(value.reshape(points.shape).copy(), error.reshape(points.shape).copy())
+
+
+def _value_at(function: BallFunction, x: float) -> tuple[float, float]:
+    best = nan, inf
+    for bits in PRECISIONS:
+        with ctx.workprec(bits):
+            ball = function(arb(x))
+            if not ball.is_finite():
+                continue
+            if bits >= _BITS_OF_ZERO and ball.contains(0):
+                # The midpoint would be noise, which no quadrature of the function could resolve.
+                return 0.0, _upwards(float(ball.abs_upper()))
+            value = float(ball.mid())
+            error = _upwards(float((ball - arb(value)).abs_upper()))
+            if isfinite(value) and error < best[1]:
+                best = value, error
+            if ball.rad() <= _RELATIVE_RADIUS * abs(ball.mid()):
+                break
+    return best
+
+
+def _upwards(bound: float) -> float:
+    """Return a double that is no less than what was rounded to ``bound``; 0 was not rounded."""
+    return nextafter(bound, inf) if bound else 0.0
+
+
 MAX_EXPANDED_POWER = 60
 """Largest power of 1 - g2² that is multiplied out."""
-
 _ZERO = Fraction(0)
 _CHECK_BITS = 128
 _CHECK_LATITUDES = tuple(Fraction(g2) for g2 in ("1/7", "-2/5", "3/4", "-8/9"))
 """Values of g2 where a formula is compared with V."""
-
 Polynomial = dict[Fraction, Fraction]
 """Coefficients by the exponents of g2."""
 

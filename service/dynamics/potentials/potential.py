@@ -8,7 +8,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cache
 
 import numpy as np
 from flint import arb
@@ -19,14 +18,11 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.formula import derived
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets, SecondOrderJets
-from service.dynamics.formula.algebras.real import QuietedRealAlgebra, RealAlgebra
-from service.dynamics.formula.algebras.scalar import ScalarAlgebra
+from service.dynamics.formula.algebras.real import QuietedRealAlgebra, RealAlgebra, ScalarAlgebra
 from service.dynamics.formula.derived import Derivation
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.programs import MANY_EVALUATIONS, Way
+from service.dynamics.formula.programs import MANY_EVALUATIONS, Traced, Tracer, Way
 from service.dynamics.formula.tape import Tape, compile_tape
-from service.dynamics.formula.traces import Traced, Tracer
-from service.dynamics.formula.tree import VARIABLES, Tree
+from service.dynamics.formula.tree import VARIABLES, Tree, format_tree
 
 FloatArray = NDArray[np.float64]
 
@@ -239,21 +235,21 @@ class FormulaPotential(Potential):
         gamma = np.asarray(gamma, dtype=np.float64)
         if gamma.ndim == 1:
             return np.array(self.gradient_at(*gamma.tolist()))
-        jets = _real_jets(3)
+        jets = _REAL_JETS
         jet = self.tape.evaluate(jets, jets.variables(_parts(gamma)))
         columns = [np.broadcast_to(part, gamma.shape[:-1]) for part in jets.gradient(jet)]
         return np.stack(columns, axis=-1)
 
     def gradient_at(self, g1: float, g2: float, g3: float) -> tuple[float, float, float]:
         """See Potential.gradient_at."""
-        jets = _scalar_jets()
+        jets = _SCALAR_JETS
         V_1, V_2, V_3 = jets.gradient(self.tape.evaluate(jets, jets.variables((g1, g2, g3))))
         return V_1, V_2, V_3
 
     def hessian(self, gamma: FloatArray) -> FloatArray:
         """See Potential.hessian."""
         gamma = np.asarray(gamma, dtype=np.float64)
-        jets = _real_second_jets()
+        jets = _REAL_SECOND_JETS
         jet = self.tape.evaluate(jets, jets.variables(_parts(gamma)))
         shape = gamma.shape[:-1]
         rows = [
@@ -263,7 +259,7 @@ class FormulaPotential(Potential):
 
     def value_and_D(self, g1: FloatArray, g2: FloatArray, g3: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See Potential.value_and_D."""
-        jets = _quieted_jets()
+        jets = _QUIETED_JETS
         # D is the derivative along (-g3, 0, g1): the turn about the second axis.
         inputs = (jets.seed(g1, (-g3,)), jets.seed(g2, (None,)), jets.seed(g3, (g1,)))
         with np.errstate(all="ignore"):
@@ -302,7 +298,7 @@ class FormulaPotential(Potential):
         return value, D
 
     def _value_and_D_ball(self, g1: arb, g2: arb, g3: arb) -> tuple[arb, arb]:
-        jets = _ball_jets()
+        jets = _BALL_JETS
         inputs = (jets.seed(g1, (-g3,)), jets.seed(g2, (None,)), jets.seed(g3, (g1,)))
         jet = self.tape.evaluate(jets, inputs)
         D = jet.first[0]
@@ -312,7 +308,7 @@ class FormulaPotential(Potential):
         """See Potential.jet_ball."""
         run = self.tape.program("V, gradient, hessian", SECOND_ORDER)
         if run is None:
-            jets = _ball_second_jets()
+            jets = _BALL_SECOND_JETS
             jet = self.tape.evaluate(jets, jets.variables((g1, g2, g3)))
             V, (V_1, V_2, V_3) = jet.value, jets.gradient(jet)
             (V_11, V_12, V_13), (_, V_22, V_23), (_, _, V_33) = jets.hessian(jet)
@@ -325,31 +321,9 @@ def _parts(gamma: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return gamma[..., 0], gamma[..., 1], gamma[..., 2]
 
 
-@cache
-def _real_jets(directions: int) -> FirstOrderJets[FloatArray]:
-    return FirstOrderJets(RealAlgebra(), directions)
-
-
-@cache
-def _quieted_jets() -> FirstOrderJets[FloatArray]:
-    return FirstOrderJets(QuietedRealAlgebra(), 1)
-
-
-@cache
-def _real_second_jets() -> SecondOrderJets[FloatArray]:
-    return SecondOrderJets(RealAlgebra(), 3)
-
-
-@cache
-def _scalar_jets() -> FirstOrderJets[float]:
-    return FirstOrderJets(ScalarAlgebra(), 3)
-
-
-@cache
-def _ball_jets() -> FirstOrderJets[arb]:
-    return FirstOrderJets(BallAlgebra(), 1)
-
-
-@cache
-def _ball_second_jets() -> SecondOrderJets[arb]:
-    return SecondOrderJets(BallAlgebra(), 3)
+_REAL_JETS = FirstOrderJets(RealAlgebra(), 3)
+_QUIETED_JETS = FirstOrderJets(QuietedRealAlgebra(), 1)
+_REAL_SECOND_JETS = SecondOrderJets(RealAlgebra(), 3)
+_SCALAR_JETS = FirstOrderJets(ScalarAlgebra(), 3)
+_BALL_JETS = FirstOrderJets(BallAlgebra(), 1)
+_BALL_SECOND_JETS = SecondOrderJets(BallAlgebra(), 3)

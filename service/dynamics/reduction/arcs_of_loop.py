@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from flint import arb, ctx
 
 from service.dynamics.errors import DynamicsError
-from service.dynamics.formula.parity import is_written_even
+from service.dynamics.potentials.recognition import is_written_even
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.root_finding.radicand import HalfLoop, precise_radicand
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, PoleKind, Region, Zero, ZeroKind

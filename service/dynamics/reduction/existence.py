@@ -26,10 +26,10 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
     Loops,
     Shape,
     have_no_motion,
+    loops_of_stretches,
     radicand_bounds,
     shape_of,
 )
-from service.dynamics.reduction.sign_proofs.equators import loops_of_stretches
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

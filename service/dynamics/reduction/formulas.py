@@ -34,7 +34,6 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.parameters import whole_number
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.formula.tree import (
     Binary,
@@ -43,10 +42,11 @@ from service.dynamics.formula.tree import (
     Number,
     Symbol,
     Tree,
+    exact_tree,
     fold_tree,
     with_operands,
 )
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition import ThreeTerms
 from service.dynamics.reduction.window import Window
 
 _BITS = 128
@@ -77,7 +77,8 @@ def elliptic_motion(
     a1 = g1_sign * terms.a1
     roots = [*_roots(a1, terms.b1, terms.c1, nu)]
     inner = "0" if ends[0] == "pole" else _nearest(roots, abs(window.g1[0]))
-    outer = _equator(nu) if ends[1] == "equator" else _nearest(roots, abs(window.g1[1]))
+    equator = f"2/({nu} + sqrt({nu * nu + 4}))"
+    outer = equator if ends[1] == "equator" else _nearest(roots, abs(window.g1[1]))
     if inner is None or outer is None or inner == outer:
         return None
     k, square = _cofactor(body, a1, terms.c1, nu, inner, ends)
@@ -98,10 +99,6 @@ def elliptic_motion(
 
 
 _KINDS = (("pole", "equator"), ("pole", "rest"), ("rest", "equator"), ("rest", "rest"))
-
-
-def _equator(nu: Fraction) -> str:
-    return f"2/({nu} + sqrt({nu * nu + 4}))"
 
 
 def _roots(a1: Fraction, b1: Fraction, c1: Fraction, nu: Fraction) -> list[str]:

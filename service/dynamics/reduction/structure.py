@@ -1,7 +1,7 @@
 r"""Finds the zeros of P on one half of a loop, and proves that there are no others.
 
 For a potential with a formula all of this is proved, by bounds that hold on the whole half from pole to
-pole (:mod:`.signs`; :mod:`.sign_maps` where doubles do not settle it):
+pole (:mod:`.signs`; :mod:`.cells` where doubles do not settle it):
 
 * P has the stated sign on all cells, which cover the half except for narrow gaps;
 * on a gap whose slope has one sign P has one zero, if its signs before and after differ, else none;
@@ -34,7 +34,6 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.vanishing import vanishing_parts
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.grid_minima import GridMinima, grid_minima_of
 from service.dynamics.reduction.root_finding.radicand import (
     DOUBLE_ZERO_BITS_SHARE,
     HalfLoop,
@@ -51,8 +50,16 @@ from service.dynamics.reduction.root_finding.zeros import (
     lowest_place,
     tends_to_zero,
 )
-from service.dynamics.reduction.separatrices import with_near_rests
-from service.dynamics.reduction.sign_proofs.cells import Half, half_of
+from service.dynamics.reduction.separatrices import GridMinima, grid_minima_of, with_near_rests
+from service.dynamics.reduction.sign_proofs.cells import (
+    Half,
+    Side,
+    half_of,
+    height_at,
+    is_negative_where_defined,
+    turn_on_stretch,
+    width_of,
+)
 from service.dynamics.reduction.sign_proofs.high_zeros import HighZero, high_zero
 from service.dynamics.reduction.sign_proofs.infinities import (
     Infinity,
@@ -62,27 +69,18 @@ from service.dynamics.reduction.sign_proofs.infinities import (
     is_essential,
 )
 from service.dynamics.reduction.sign_proofs.neighbourhoods import UNDEFINED
-from service.dynamics.reduction.sign_proofs.sign_maps import (
-    MAX_GAPS,
-    ends_of,
-    halved,
-    settled,
-    sign_maps_together,
-)
 from service.dynamics.reduction.sign_proofs.signs import (
     INFINITE,
+    MAX_GAPS,
     NAMED,
     Gap,
     SignMap,
+    ends_of,
     first_sign_map,
+    halved,
     refined,
-)
-from service.dynamics.reduction.sign_proofs.signs_in_balls import (
-    Side,
-    height_at,
-    is_negative_where_defined,
-    turn_on_stretch,
-    width_of,
+    settled,
+    sign_maps_together,
 )
 from service.dynamics.reduction.window import height
 

@@ -13,7 +13,7 @@ from flint import arb, ctx
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.dynamics.potentials.recognition.evenness import is_even_in_g2
+from service.dynamics.potentials.recognition import is_even_in_g2
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.arcs_of_loop import arcs_of
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
+from service.dynamics.numerics import largest
 from service.dynamics.solution.dense_output import DenseOutput, split_time
 
 FloatArray = NDArray[np.float64]

@@ -35,22 +35,31 @@ from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.window import Arc
-from service.dynamics.verdict.exact_ring.generators import Element
-from service.dynamics.verdict.exact_ring.layout import (
+from service.dynamics.verdict.exact_ring.generators import (
+    Element,
     Layout,
     NoProofError,
     UndefinedInOctantError,
 )
 from service.dynamics.verdict.exact_ring.ring import Ring
-from service.dynamics.verdict.piecewise import is_harmless, is_joined
+from service.dynamics.verdict.piecewise import (
+    Crossing,
+    TooManyPiecesError,
+    combinations,
+    crossings_of,
+    is_harmless,
+    is_joined,
+)
 from service.dynamics.verdict.proofs.on_lines import is_multiple
 from service.dynamics.verdict.proofs.proof import Signs as Octant
 from service.dynamics.verdict.proofs.proof import prove
-from service.dynamics.verdict.refutations.counterexample import DecimalBall, decimal_ball, decimal_point
-from service.dynamics.verdict.ring_functions.fields import VectorFields
-from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra, in_large_enough_ring
+from service.dynamics.verdict.refutations import DecimalBall, decimal_ball, decimal_point
+from service.dynamics.verdict.ring_functions.ring_algebra import (
+    RingAlgebra,
+    VectorFields,
+    in_large_enough_ring,
+)
 from service.dynamics.verdict.sphere.boxes import DomainIntervals, bounds_of
-from service.dynamics.verdict.sphere.pieces import Crossing, TooManyPiecesError, combinations, crossings_of
 from service.dynamics.verdict.sphere.switches import Signs, Switches, find_switches
 
 FloatArray = NDArray[np.float64]

@@ -15,20 +15,18 @@ from math import inf, log2
 
 from flint import arb, ctx, fmpq
 
+from service.dynamics.errors import FormulaError
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.register_polynomials import RegisterPolynomials
-from service.dynamics.formula.rewriting import copied, with_half_angles
+from service.dynamics.formula.rewriting import RegisterPolynomials, copied, with_half_angles
 from service.dynamics.formula.tape import Instruction, Tape, compile_tape
-from service.dynamics.formula.tree import Tree
+from service.dynamics.formula.tree import Tree, format_tree
 from service.dynamics.potentials.families.general_formula import formula_of
 from service.dynamics.potentials.families.general_solution import GeneralPotential
 from service.dynamics.potentials.potential import FormulaPotential, Notice, Potential
-from service.dynamics.verdict.exact_ring.generators import Element
-from service.dynamics.verdict.exact_ring.layout import (
+from service.dynamics.verdict.exact_ring.generators import (
     MAX_TERM_PRODUCTS,
+    Element,
     Layout,
     NoProofError,
     UndefinedInOctantError,
@@ -36,8 +34,7 @@ from service.dynamics.verdict.exact_ring.layout import (
 )
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.proofs.element_text import ElementText, NoTextError
-from service.dynamics.verdict.proofs.equality import same_on_sphere
-from service.dynamics.verdict.proofs.proof import Signs, octants_of
+from service.dynamics.verdict.proofs.proof import Signs, octants_of, same_on_sphere
 from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra, in_large_enough_ring
 from service.dynamics.verdict.sphere.switches import normalise
 
@@ -91,14 +88,11 @@ def simplified(potential: Potential) -> Potential:
         is_as_good = tree is formula.tree and potential.has_formula
         if isinstance(potential, GeneralPotential):
             # A quotient g1/|g1| that is left of F and G of quadrants has no bounds next to a pole.
-            is_as_good = not potential.is_uniform and _has_sizes(tree)
+            made = compile_tape(tree).instructions
+            is_as_good = not potential.is_uniform and any(each.name == "abs" for each in made)
         derived[simplified] = None if is_as_good else with_simpler(potential, tree)
     found: FormulaPotential | None = derived[simplified]
     return potential if found is None else replace(found.alone(), stated=potential)
-
-
-def _has_sizes(tree: Tree) -> bool:
-    return any(made.name == "abs" for made in compile_tape(tree).instructions)
 
 
 def is_simplified(potential: Potential) -> bool:

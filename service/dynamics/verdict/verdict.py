@@ -16,20 +16,25 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.potentials.families.general_solution import GeneralPotential, Quadrant
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.verdict.piecewise import PiecewiseFindings, examine_pieces, lines_of
+from service.dynamics.verdict.piecewise import (
+    PiecewiseFindings,
+    TooManyPiecesError,
+    examine_pieces,
+    find_pieces,
+    lines_of,
+)
 from service.dynamics.verdict.proofs.energy_terms import (
     OctantTerms,
+    energy_defect,
+    energy_formulas,
     energy_terms,
     formula_of,
     signed_formulas_of,
 )
-from service.dynamics.verdict.proofs.general_energy import energy_defect, energy_formulas
 from service.dynamics.verdict.proofs.power_sums import CurveEnergy, prove_power_sum
 from service.dynamics.verdict.proofs.proof import Proof, prove
-from service.dynamics.verdict.refutations.counterexample import Counterexample, Survey, decimal_ball, survey
-from service.dynamics.verdict.refutations.jumps import Jump
-from service.dynamics.verdict.sphere.pieces import TooManyPiecesError, find_pieces
-from service.dynamics.verdict.sphere.points import Point, fine_sphere_points, sphere_points
+from service.dynamics.verdict.refutations import Counterexample, Jump, decimal_ball, survey
+from service.dynamics.verdict.sphere.boxes import Point, fine_sphere_points, sphere_points
 from service.dynamics.verdict.sphere.switches import find_switches
 
 VALUE_PRECISIONS = (128, 4096)
@@ -138,11 +143,7 @@ class Verdict:
     evidence: NumericEvidence | None = None
 
 
-def _never() -> bool:
-    return False
-
-
-def decide(body: RigidBody, potential: Potential, is_late: Callable[[], bool] = _never) -> Verdict:
+def decide(body: RigidBody, potential: Potential, is_late: Callable[[], bool] = lambda: False) -> Verdict:
     """Return the verdict on ``potential`` for ``body``; B plays no part.
 
     Only the values on the unit sphere matter: potentials that agree there get
@@ -218,13 +219,15 @@ def _decide_numerically(
         found = further
     if found.counterexample is not None:
         return _refuted(found.counterexample)
-    return Verdict("undecided", "numeric", evidence=_evidence(found, doubt))
+    largest = f"{found.largest.mid} ± {found.largest.rad}"
+    evidence = NumericEvidence(len(found.defined), found.bits, largest, doubt)
+    return Verdict("undecided", "numeric", evidence=evidence)
 
 
 def _decide_general(
     body: RigidBody, potential: GeneralPotential, points: Sequence[Point], is_late: Callable[[], bool]
 ) -> Verdict:
-    """Confirm H = −F(w), which is proved for all F and G in :mod:`.general_energy`, by the values of V.
+    """Confirm H = −F(w), which is proved for all F and G in :mod:`.energy_terms`, by the values of V.
 
     F is a function of the curve, whose kinks no curve crosses; those of G are circles of g2, where V must
     be continuous.
@@ -282,12 +285,3 @@ def _refute_general(body: RigidBody, potential: GeneralPotential, points: Sequen
 
 def _refuted(counterexample: Counterexample) -> Verdict:
     return Verdict("inadmissible", "counterexample", counterexample=counterexample)
-
-
-def _evidence(found: Survey, doubt: str) -> NumericEvidence:
-    return NumericEvidence(
-        points=len(found.defined),
-        bits=found.bits,
-        largest_enclosure=f"{found.largest.mid} ± {found.largest.rad}",
-        doubt=doubt,
-    )

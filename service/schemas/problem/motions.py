@@ -16,7 +16,7 @@ from pydantic import (
     model_validator,
 )
 
-from service.dynamics.classical.catalogue import CASES
+from service.dynamics.classical.bodies import CASES
 from service.schemas.reading.documents import Document
 from service.schemas.reading.numbers import (
     Exact,

@@ -16,18 +16,15 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from service.dynamics.body import RigidBody
-from service.dynamics.errors import DynamicsError, InvalidNumberError
+from service.dynamics.errors import DynamicsError, InvalidNumberError, UndefinedConstantError
 from service.dynamics.exact import exact_number
-from service.dynamics.formula.errors import UndefinedConstantError
-from service.dynamics.formula.limits import MAX_CHARACTERS
+from service.dynamics.formula.parameters import bound_formula, require_parameter_names
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.potentials.families import homogeneous
-from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.formula.tree import MAX_CHARACTERS, format_tree
+from service.dynamics.potentials.families import coefficients
 from service.dynamics.potentials.families.general_solution import QUADRANTS
-from service.dynamics.potentials.terms.bound_formula import bound_formula, require_parameter_names
-from service.dynamics.potentials.terms.powers import MAX_TERMS
+from service.dynamics.potentials.families.written import expression_potential, general_potential
+from service.dynamics.potentials.terms import MAX_TERMS
 from service.schemas.problem.trusted import DEFAULT_ANGLE, formula_of, potential_of
 from service.schemas.reading.documents import Document, Fault, fault_of
 from service.schemas.reading.numbers import Exact, read_exact, refuse
@@ -327,7 +324,7 @@ class HomogeneousIn(PotentialModel):
 
     def errors(self, body: RigidBody) -> Iterator[DynamicsError]:
         """Yield an error for every coefficient that has no term."""
-        found = list(homogeneous.refusals(body, A=self.A, B=self.B, C=self.C, log=self.log))
+        found = list(coefficients.refusals(body, A=self.A, B=self.B, C=self.C, log=self.log))
         yield from found or super().errors(body)
 
     @classmethod
@@ -335,7 +332,7 @@ class HomogeneousIn(PotentialModel):
         """Yield a fault for every readable coefficient that has no term."""
         if body is not None:
             lists = {name: _readable(document.get(name)) for name in ("A", "B", "C", "log")}
-            yield from map(fault_of, homogeneous.refusals(body, **lists))
+            yield from map(fault_of, coefficients.refusals(body, **lists))
 
 
 MODELS: dict[str, type[PotentialModel]] = {

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 from service.dynamics.body import RigidBody
 from service.dynamics.exact import exact_number
+from service.dynamics.formula.parameters import named_formula
 from service.dynamics.formula.tree import VARIABLES, Tree
 from service.dynamics.inverse.named import (
     CURVE_NAMES,
@@ -17,7 +18,6 @@ from service.dynamics.inverse.named import (
 )
 from service.dynamics.potentials.families.general_solution import QUADRANTS, Quadrant
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.bound_formula import named_formula
 from service.dynamics.problem import Problem
 from service.schemas.problem.trusted import (
     Motion,

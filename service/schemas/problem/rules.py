@@ -11,7 +11,7 @@ from functools import cached_property
 from pydantic import BaseModel
 
 from service.dynamics.body import RigidBody
-from service.dynamics.classical.catalogue import CASES
+from service.dynamics.classical.bodies import CASES
 from service.dynamics.errors import DynamicsError
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem

@@ -25,12 +25,14 @@ from service.dynamics.body import RigidBody
 from service.dynamics.classical.placement import place
 from service.dynamics.errors import InvalidNumberError
 from service.dynamics.exact import exact_number
-from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.general import FormulaText, general_potential
+from service.dynamics.potentials.families.coefficients import (
+    gravity_potential,
+    homogeneous_potential,
+    rational_potential,
+    require_rational_body,
+)
 from service.dynamics.potentials.families.general_solution import QUADRANTS
-from service.dynamics.potentials.families.gravity import gravity_potential
-from service.dynamics.potentials.families.homogeneous import homogeneous_potential
-from service.dynamics.potentials.families.rational import rational_potential, require_rational_body
+from service.dynamics.potentials.families.written import FormulaText, expression_potential, general_potential
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.problem import (
     Accuracy,

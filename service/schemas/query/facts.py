@@ -16,7 +16,7 @@ from urllib.parse import quote
 
 from service.dynamics.errors import InvalidNumberError
 from service.dynamics.exact import exact_number
-from service.dynamics.methods import SolvedBy, Tier
+from service.dynamics.numerics import SolvedBy, Tier
 from service.schemas.query.conditions import Excerpt, Kind, QueryError, Subject
 from service.schemas.reading.annotation import LABEL_KEY, LABEL_KEYS
 from service.schemas.reading.documents import pointer_to

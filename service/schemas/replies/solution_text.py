@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any  # JSON values: their shapes are those of the resources
 
-from service.dynamics.methods import NO_CROSS_CHECK
+from service.dynamics.numerics import NO_CROSS_CHECK
 from service.schemas.replies.response_model import STABILITY_IN_WORDS, range_in_words
 
 Part = Mapping[str, Any]

@@ -7,11 +7,10 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
 from pydantic.config import JsonDict
 
-from service.dynamics.errors import InvalidNumberError
+from service.dynamics.errors import FormulaError, InvalidNumberError
 from service.dynamics.exact import exact_number
-from service.dynamics.formula.errors import FormulaError
-from service.dynamics.formula.limits import MAX_CHARACTERS
 from service.dynamics.formula.parser import parse
+from service.dynamics.formula.tree import MAX_CHARACTERS
 from service.schemas.reading.numbers import Exact, Moment, integer_schema, read_integer, read_moment, refuse
 from service.schemas.reading.parts import WireModel
 

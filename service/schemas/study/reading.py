@@ -10,10 +10,9 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, BaseModel, Field, PlainValidator, WithJsonSchema
 
-from service.dynamics.errors import DynamicsError, InvalidNumberError
+from service.dynamics.errors import DynamicsError, FormulaError, InvalidNumberError
 from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape

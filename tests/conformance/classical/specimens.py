@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from random import Random
 
-from service.dynamics.classical.catalogue import CASES
+from service.dynamics.classical.bodies import CASES
 from service.dynamics.classical.placement import Placed, place
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from service.catalogue import classical
-from service.dynamics.classical.catalogue import CASES
+from service.dynamics.classical.bodies import CASES
 from service.schemas.problem.motions import CaseName, ClassicalMotionIn
 from workers.computation.compute import solve_checked
 

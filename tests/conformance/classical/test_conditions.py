@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import pytest
 
-from service.dynamics.classical.catalogue import CASES
+from service.dynamics.classical.bodies import CASES
 from service.schemas.problem.problem import check_problem, read_problem
 from service.schemas.reading.documents import InvalidProblemError
 from tests.conformance.classical.specimens import LOOPS, NAMES, document, example, placed

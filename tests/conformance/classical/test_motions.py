@@ -6,10 +6,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from service.dynamics.classical.catalogue import CASES
+from service.dynamics.classical.bodies import CASES
 from service.dynamics.classical.classification import relations_of
-from service.dynamics.classical.errors import NearSeparatrixError
 from service.dynamics.equations.euler_poisson import areas_integral, energy_integral
+from service.dynamics.errors import NearSeparatrixError
 from service.schemas.problem.problem import read_problem
 from tests.conformance.classical.specimens import (
     FREE,

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from service.dynamics.atlas.atlas import make_atlas, with_formula
-from service.dynamics.atlas.latitudes import turns_by_latitude
 from service.dynamics.atlas.parts import LambdaRange
+from service.dynamics.atlas.zeros import turns_by_latitude
 from service.dynamics.errors import DynamicsError
-from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
 from service.dynamics.verdict.simple_form import simplified

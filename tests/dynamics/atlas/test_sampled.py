@@ -8,7 +8,7 @@ from flint import arb, ctx
 from service.dynamics.atlas import sampled_atlas as module
 from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.parts import LambdaRange
-from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import find_windows

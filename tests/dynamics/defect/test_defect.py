@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from service.dynamics.bounds import is_within
-from service.dynamics.defect.accumulation import Blocks, accumulate
+from service.dynamics.defect.accumulation import Blocks, Cutter, accumulate
 from service.dynamics.defect.equations import Equations
 from service.dynamics.defect.evidence import check_residual, check_samples
-from service.dynamics.defect.stretches import Cutter
 from service.dynamics.equations.euler_poisson import energy_integral, euler_poisson_rhs
 from service.dynamics.motion import COLUMNS, Estimate
+from service.dynamics.numerics import is_within
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.solution.dense_output import DenseOutput, chebyshev_coefficients, chebyshev_points
 from tests.support import planar as support

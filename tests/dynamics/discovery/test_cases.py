@@ -5,8 +5,8 @@ from fractions import Fraction
 import pytest
 
 from service.dynamics.body import RigidBody
-from service.dynamics.discovery.cases import known_cases
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.discovery.known import known_cases
+from service.dynamics.potentials.families.written import expression_potential
 
 CASES = [
     ((2, 2, 1), "-g1", ["kovalevskaya", "bobylev_steklov"]),

@@ -7,15 +7,14 @@ import sympy as sp
 from flint import arb, ctx
 
 from service.dynamics.discovery.judgement import judge_integral, judge_relation
-from service.dynamics.discovery.outcomes import (
+from service.dynamics.discovery.setting import (
     EmptyRelationsError,
     FunctionTooLargeError,
     UndefinedFunctionError,
+    read_setting,
 )
-from service.dynamics.discovery.setting import read_setting
-from service.dynamics.errors import ImpossibleInertiaError
+from service.dynamics.errors import FormulaError, ImpossibleInertiaError, UnknownNameError
 from service.dynamics.formula.algebras.symbolic import SymbolicAlgebra
-from service.dynamics.formula.errors import FormulaError, UnknownNameError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 

@@ -11,18 +11,18 @@ from hypothesis import strategies as st
 from service.dynamics.body import RigidBody
 from service.dynamics.discovery.integral_search import NormalForms, search_integrals
 from service.dynamics.discovery.judgement import judge_integral
-from service.dynamics.discovery.outcomes import (
+from service.dynamics.discovery.potential_search import ratios_that_admit, search_potentials
+from service.dynamics.discovery.setting import (
     FunctionTooLargeError,
     NotPolynomialError,
     SearchTooLargeError,
     UndefinedFunctionError,
+    read_setting,
 )
-from service.dynamics.discovery.potential_search import ratios_that_admit, search_potentials
-from service.dynamics.discovery.setting import read_setting
 from service.dynamics.discovery.strata import Letters, kernel, special_strata
 from service.dynamics.errors import EqualMomentsError
 from service.dynamics.inverse.projection import admissible_space
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.verdict.verdict import decide
 from tests.support.effort import examples
 

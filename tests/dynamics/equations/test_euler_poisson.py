@@ -24,9 +24,8 @@ from service.dynamics.equations.euler_poisson import (
     rates_in,
 )
 from service.dynamics.errors import MissingMomentError
-from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.gravity import gravity_potential
-from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential, rational_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.potentials.potential import Potential
 from tests.support.formulas import POTENTIALS
 

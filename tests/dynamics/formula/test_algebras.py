@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.algebras.real import RealAlgebra
-from service.dynamics.formula.algebras.scalar import ScalarAlgebra
+from service.dynamics.formula.algebras.real import RealAlgebra, ScalarAlgebra
 from service.dynamics.formula.algebras.symbolic import sympy_expression
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape

@@ -4,17 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.dynamics.formula.errors import (
+from service.dynamics.errors import (
     FormulaError,
     FormulaLimitError,
     UndefinedConstantError,
     UnknownNameError,
 )
-from service.dynamics.formula.limits import MAX_BITS
 from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse, parse_located
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import Symbol, Tree, post_order
+from service.dynamics.formula.tree import MAX_BITS, Symbol, Tree, format_tree, post_order
 from tests.support.trees import TREES
 
 CONSTANTS = {name: Fraction(n, 7) for n, name in enumerate(["A", "B", "C", "a", "e", "e1", "_x"], start=2)}

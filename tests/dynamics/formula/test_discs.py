@@ -9,10 +9,10 @@ from flint import acb, arb, ctx
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
-from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
+from service.dynamics.errors import FormulaError
+from service.dynamics.formula.algebras.ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.discs import Disc, DiscAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from tests.support.effort import examples

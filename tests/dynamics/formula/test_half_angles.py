@@ -5,11 +5,11 @@ import pytest
 from flint import arb, ctx
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.algebras.scalar import ScalarAlgebra
+from service.dynamics.formula.algebras.real import ScalarAlgebra
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.rewriting import known_at_poles, with_half_angles
 from service.dynamics.formula.tape import compile_tape
+from service.dynamics.formula.tree import format_tree
 from service.dynamics.verdict.simple_form import is_simplified, simplified
 from tests.support.planar import body, formula
 

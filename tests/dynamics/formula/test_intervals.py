@@ -9,11 +9,10 @@ from flint import arb, ctx, fmpq
 from hypothesis import example, given, reject, settings
 from hypothesis import strategies as st
 
+from service.dynamics.errors import FormulaError
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.algebras.interval_bounds import outwards
-from service.dynamics.formula.algebras.intervals import IntervalAlgebra
+from service.dynamics.formula.algebras.intervals import IntervalAlgebra, outwards
 from service.dynamics.formula.algebras.jets import FirstOrderJets
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape, with_inputs
 from tests.support.effort import examples

@@ -10,8 +10,7 @@ from flint import arb, ctx, fmpq
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets, Jet, SecondOrderJets
-from service.dynamics.formula.algebras.real import RealAlgebra
-from service.dynamics.formula.algebras.scalar import ScalarAlgebra
+from service.dynamics.formula.algebras.real import RealAlgebra, ScalarAlgebra
 from service.dynamics.formula.algebras.symbolic import SymbolicAlgebra, real_symbols, sympy_expression
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape

@@ -23,8 +23,8 @@ from service.dynamics.formula.algebras.monomials import (
     weighted_sum,
     without_zeros,
 )
-from service.dynamics.potentials.terms.laurent import laurent
-from service.dynamics.verdict.sphere.points import sphere_points
+from service.dynamics.potentials.recognition import laurent
+from service.dynamics.verdict.sphere.boxes import sphere_points
 from tests.support.planar import body, formula
 
 BALLS = BallAlgebra()

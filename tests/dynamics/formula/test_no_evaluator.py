@@ -16,12 +16,11 @@ import sympy
 from flint import arb
 
 from service.dynamics.body import RigidBody
-from service.dynamics.errors import DynamicsError
+from service.dynamics.errors import DynamicsError, FormulaError
 from service.dynamics.formula.algebras.symbolic import sympy_expression
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.formula.tree import format_tree
+from service.dynamics.potentials.families.written import expression_potential
 from tests.support.formulas import POTENTIALS, PRECEDENCE, REFUSED
 
 ROOT = Path(__file__).parents[3]
@@ -131,5 +130,5 @@ def test_python_and_sympy_mean_nothing_here(text: str) -> None:
 
 def test_reading_a_potential_does_not_import_sympy() -> None:
     # SymPy takes a third of a second to import; only what compares expressions needs it.
-    code = "import sys, service.dynamics.potentials.families.expression; sys.exit('sympy' in sys.modules)"
+    code = "import sys, service.dynamics.potentials.families.written; sys.exit('sympy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=False, timeout=60).returncode == 0

@@ -7,8 +7,8 @@ import pytest
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.parameters import MAX_PARTS, bind, split_by_parameters
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import compile_tape
+from service.dynamics.formula.tree import format_tree
 
 VALUES = {"a": Fraction(-3, 2), "b": Fraction(7, 5), "c": Fraction(2)}
 POINT = (Fraction(2, 7), Fraction(6, 7), Fraction(3, 7))

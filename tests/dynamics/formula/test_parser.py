@@ -7,11 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.formula.errors import FormulaError, FormulaLimitError
-from service.dynamics.formula.limits import MAX_CHARACTERS, MAX_DEPTH, MAX_TOKENS
+from service.dynamics.errors import FormulaError, FormulaLimitError
 from service.dynamics.formula.parser import parse, parse_located
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import post_order
+from service.dynamics.formula.tree import MAX_CHARACTERS, MAX_DEPTH, MAX_TOKENS, format_tree, post_order
 from tests.support.effort import examples
 from tests.support.formulas import PRECEDENCE, REFUSED
 

@@ -4,12 +4,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.dynamics.formula.errors import FormulaError
-from service.dynamics.formula.folding import fold_binary
-from service.dynamics.formula.limits import MAX_CHARACTERS
+from service.dynamics.errors import FormulaError
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import exact_tree, format_tree
-from service.dynamics.formula.tree import Binary, Number, Symbol, Tree, fold_tree
+from service.dynamics.formula.tree import (
+    MAX_CHARACTERS,
+    Binary,
+    Number,
+    Symbol,
+    Tree,
+    exact_tree,
+    fold_binary,
+    fold_tree,
+    format_tree,
+)
 from tests.support.trees import TREES
 
 

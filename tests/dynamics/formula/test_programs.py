@@ -7,10 +7,9 @@ import pytest
 from flint import acb, arb, ctx
 from hypothesis import given, settings
 
-from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
+from service.dynamics.errors import FormulaError
+from service.dynamics.formula.algebras.ball import BallAlgebra, ComplexBallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets, SecondOrderJets
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.programs import MANY_EVALUATIONS, Way, traced_program

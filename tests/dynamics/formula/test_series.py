@@ -8,10 +8,10 @@ from flint import arb, arb_series, ctx
 
 from service.dynamics.formula.algebras.algebraic import AlgebraicAlgebra, NotAlgebraicError
 from service.dynamics.formula.algebras.ball import BallAlgebra, series_of
-from service.dynamics.formula.algebras.series import SeriesAlgebra, along_curve
 from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
+from service.dynamics.reduction.geometry.slopes import SeriesAlgebra, along_curve
 
 ORDER = 9
 FORMULAS = {

@@ -5,17 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.formula.algebras.scalar import ScalarAlgebra
-from service.dynamics.formula.errors import (
+from service.dynamics.errors import (
     FormulaLimitError,
     UndefinedConstantError,
     UnknownNameError,
 )
-from service.dynamics.formula.limits import MAX_NODES
+from service.dynamics.formula.algebras.real import ScalarAlgebra
 from service.dynamics.formula.parameters import bind
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import Instruction, Tape, compile_tape
-from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, fold_tree
+from service.dynamics.formula.tree import MAX_NODES, Binary, Call, Negation, Number, Symbol, Tree, fold_tree
 from tests.support.formulas import POTENTIALS
 from tests.support.trees import TREES
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 from flint import fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from service.dynamics.equations.compatibility import pde_residual
-from service.dynamics.verdict.sphere.points import Point
+from service.dynamics.verdict.sphere.boxes import Point
 
 Polynomial = dict[tuple[int, int, int], Fraction]
 

@@ -3,8 +3,8 @@
 from fractions import Fraction
 
 from service.dynamics.inverse.polynomials import product, quadratic
-from service.dynamics.potentials.families.homogeneous import B_term
-from service.dynamics.potentials.terms.powers import exchanged
+from service.dynamics.potentials.families.coefficients import B_term
+from service.dynamics.potentials.terms import exchanged
 from tests.dynamics.inverse.exact_polynomials import Polynomial
 
 

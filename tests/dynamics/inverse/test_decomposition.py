@@ -14,13 +14,11 @@ from service.dynamics.errors import EqualMomentsError
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import Tape, compile_tape
-from service.dynamics.inverse.curve_function import NoDecompositionError
-from service.dynamics.inverse.decomposition import Decomposition, decompose
-from service.dynamics.inverse.terms import Terms
-from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.inverse.decomposition import Decomposition, NoDecompositionError, Terms, decompose
+from service.dynamics.potentials.families.coefficients import homogeneous_potential
 from service.dynamics.potentials.families.general_solution import SIGNS
-from service.dynamics.potentials.families.homogeneous import homogeneous_potential
-from service.dynamics.verdict.sphere.points import Point, sphere_points
+from service.dynamics.potentials.families.written import general_potential
+from service.dynamics.verdict.sphere.boxes import Point, sphere_points
 from tests.dynamics.inverse.random_potentials import cases, points
 from tests.dynamics.verdict.formulas import EIGHT_PARAMETERS, EIGHT_TERMS, U, W, body, potential
 from tests.support.effort import seldom

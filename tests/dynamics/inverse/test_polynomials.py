@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from service.dynamics.inverse.polynomials import as_polynomial, degree, homogeneous_on_sphere, on_sphere
 from service.dynamics.inverse.projection import admissible_space
-from service.dynamics.potentials.families.general import general_potential
-from service.dynamics.verdict.sphere.points import sphere_points
+from service.dynamics.potentials.families.written import general_potential
+from service.dynamics.verdict.sphere.boxes import sphere_points
 from tests.dynamics.inverse.exact_polynomials import Polynomial, evaluate, residual
 from tests.dynamics.inverse.families import known_admissible
 from tests.dynamics.verdict.formulas import body, potential

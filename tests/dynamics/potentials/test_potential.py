@@ -10,10 +10,8 @@ from hypothesis import strategies as st
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import EqualMomentsError
-from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.general import general_potential
-from service.dynamics.potentials.families.gravity import gravity_potential
-from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential, rational_potential
+from service.dynamics.potentials.families.written import expression_potential, general_potential
 from service.dynamics.potentials.potential import Notice, Potential
 from tests.support.formulas import POTENTIALS
 

@@ -9,7 +9,7 @@ from flint import arb, ctx
 
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.vanishing import vanishing_parts
-from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.tight_form import tight_form
 from service.dynamics.reduction.structure import EssentialSingularityError, SignsUnsettledError

@@ -6,10 +6,9 @@ import mpmath
 import pytest
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree
-from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.recognition.three_terms import recognise
+from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, format_tree
+from service.dynamics.potentials.families.written import expression_potential
+from service.dynamics.potentials.recognition import recognise
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.formulas import elliptic_motion
 from service.dynamics.reduction.windows import find_windows

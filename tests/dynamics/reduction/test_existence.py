@@ -7,12 +7,12 @@ from flint import arb, ctx
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.potentials.families.general import general_potential
-from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.families.coefficients import rational_potential
+from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.existence import find_existence
 from service.dynamics.reduction.windows import find_windows
-from service.dynamics.solution.ball_columns import as_decimals
+from service.dynamics.solution.dense_output import as_decimals
 from tests.support.admissible import cases
 from tests.support.effort import examples
 from tests.support.planar import body, formula

@@ -9,7 +9,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.reduction.formulas import reduced_motion
 from service.dynamics.verdict.verdict import decide
 

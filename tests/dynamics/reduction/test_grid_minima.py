@@ -9,7 +9,7 @@ from flint import arb, ctx
 
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
-from service.dynamics.reduction.grid_minima import are_apart, grid_minima_of
+from service.dynamics.reduction.separatrices import are_apart, grid_minima_of
 from service.dynamics.reduction.windows import REDUCTION_BITS
 from tests.support.planar import body, formula
 

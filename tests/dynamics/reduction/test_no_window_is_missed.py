@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.families.coefficients import rational_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import make_loop
 from service.dynamics.reduction.windows import find_windows

@@ -7,7 +7,7 @@ import pytest
 from flint import ctx
 
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
-from service.dynamics.reduction.start import StartOutsideWindowError, starting_point
+from service.dynamics.reduction.window import StartOutsideWindowError, starting_point
 from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from tests.support.planar import body, formula
 

@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.errors import EqualMomentsError
-from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.families.coefficients import rational_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import NuNeedsDoubleMomentError
 from service.dynamics.reduction.window import Window

@@ -5,7 +5,7 @@ from fractions import Fraction
 import pytest
 
 from service.dynamics.errors import DynamicsError
-from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows, find_windows_together
 from tests.support.admissible import sampled_cases

@@ -7,7 +7,7 @@ from flint import arb, ctx, fmpq
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.solution.ball_columns import as_decimals, join, split
+from service.dynamics.solution.dense_output import as_decimals, join, split
 from tests.support.effort import examples
 
 

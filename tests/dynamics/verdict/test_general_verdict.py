@@ -10,9 +10,9 @@ from service.dynamics.errors import EqualMomentsError
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.potentials.families.general import general_potential
-from service.dynamics.verdict.proofs.general_energy import energy_defect
-from service.dynamics.verdict.sphere.points import sphere_points
+from service.dynamics.potentials.families.written import general_potential
+from service.dynamics.verdict.proofs.energy_terms import energy_defect
+from service.dynamics.verdict.sphere.boxes import sphere_points
 from service.dynamics.verdict.verdict import UndefinedPotentialError, decide
 from tests.dynamics.verdict.formulas import body
 

@@ -9,7 +9,7 @@ from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.verdict.proofs.proof import prove
-from service.dynamics.verdict.sphere.points import fine_sphere_points
+from service.dynamics.verdict.sphere.boxes import fine_sphere_points
 from tests.dynamics.verdict.formulas import body, potential
 from tests.dynamics.verdict.identities import FALSE, NUMBERS, POWERS_AND_EXPONENTIALS, ROOTS, TRIGONOMETRIC
 from tests.support.effort import one_in

@@ -7,9 +7,9 @@ import pytest
 from flint import arb, ctx
 
 from service.dynamics.equations.compatibility import residual_ball
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import starting_point
 from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from service.dynamics.verdict.own_curve import (
     InadmissibleMotionError,

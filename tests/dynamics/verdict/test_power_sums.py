@@ -8,18 +8,18 @@ from flint import arb, ctx, fmpq
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.compatibility import residual_ball
 from service.dynamics.formula.algebras.monomials import NotAMonomialSumError
-from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.gravity import gravity_potential
-from service.dynamics.potentials.families.homogeneous import (
+from service.dynamics.potentials.families.coefficients import (
     energy_of_B,
     energy_of_C,
+    gravity_potential,
     homogeneous_potential,
+    rational_potential,
 )
-from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.verdict.proofs.energy_terms import energy_terms
 from service.dynamics.verdict.proofs.power_sums import judge_power_sum, number_of, prove_power_sum
 from service.dynamics.verdict.proofs.proof import prove
-from service.dynamics.verdict.sphere.points import sphere_points
+from service.dynamics.verdict.sphere.boxes import sphere_points
 from service.dynamics.verdict.verdict import decide
 
 ONE = Fraction(1)

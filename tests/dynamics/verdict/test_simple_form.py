@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import compile_tape
+from service.dynamics.formula.tree import format_tree
 from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL, is_simplified, simplified
 from service.dynamics.verdict.verdict import decide
 from tests.dynamics.verdict.formulas import EIGHT_PARAMETERS, EIGHT_TERMS, body, potential

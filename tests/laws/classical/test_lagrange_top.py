@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential
 from tests.support.heyoka_integrator import HEYOKA
 from workers.solvers.integration.solve import integrate_state
 

@@ -16,7 +16,7 @@ import pytest
 from scipy.special import ellipj, ellipk
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from tests.support.effort import one_in
 from tests.support.heyoka_integrator import HEYOKA
 from workers.solvers.integration.solve import integrate_state

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.euler_poisson import areas_integral, energy_integral, geometric_integral
 from service.dynamics.motion import Motion
-from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential
 from tests.support.effort import examples
 from tests.support.heyoka_integrator import HEYOKA
 from workers.solvers.integration.solve import integrate_state

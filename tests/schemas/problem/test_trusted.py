@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from service.api.routes.jobs import EXAMPLES as JOBS
 from service.api.routes.validations import EXAMPLES as VALIDATIONS
 from service.catalogue import example_of
-from service.dynamics.classical.catalogue import CASES
+from service.dynamics.classical.bodies import CASES
 from service.dynamics.potentials.potential import FormulaPotential
 from service.schemas.atlas.reading import read_atlas, trusted_atlas
 from service.schemas.problem.problem import check_problem, read_question

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from fractions import Fraction
 
 from service.dynamics.inverse.projection import AdmissibleSpace
-from service.dynamics.potentials.terms.powers import Exponents
+from service.dynamics.potentials.terms import Exponents
 
 
 def basis_of(space: AdmissibleSpace) -> Iterator[dict[Exponents, Fraction]]:

@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.algebras.real import RealAlgebra
-from service.dynamics.formula.algebras.scalar import ScalarAlgebra
+from service.dynamics.formula.algebras.real import RealAlgebra, ScalarAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.inverse.decomposition import Decomposition
-from service.dynamics.inverse.enclosures import Values
+from service.dynamics.inverse.section import Values
 from service.dynamics.potentials.angular_part.field import angular_values
 from service.dynamics.potentials.families.general_solution import SIGNS, Quadrant
 

@@ -16,7 +16,7 @@ from flint import acb, arb
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition import ThreeTerms
 from workers.solvers.three_terms import MotionInterval, ThreeTermCurve, intervals, make_curve
 
 _Linear = tuple[acb, acb]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.reduction.start import StartingPoint
+from service.dynamics.reduction.window import StartingPoint
 from service.dynamics.solution.dense_output import Period
 from workers.solvers.orbits.orbit import Libration, Rotation, make_orbit
 from workers.solvers.stability.monodromy import Monodromy, turn_monodromy

@@ -13,7 +13,7 @@ from rich.console import Console
 from service.dynamics.accuracy import MOTION_KINDS, TIERS, Family
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import NoClosedFormError
-from service.dynamics.potentials.recognition.three_terms import recognise
+from service.dynamics.potentials.recognition import recognise
 from service.schemas.problem.problem import read_problem
 from service.schemas.query.conditions import ListQuery
 from service.schemas.replies.installation import AccuracyTableModel

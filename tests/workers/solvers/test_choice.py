@@ -8,8 +8,8 @@ from typing import get_args
 
 import pytest
 
-from service.dynamics.bounds import is_within
 from service.dynamics.motion import Motion
+from service.dynamics.numerics import is_within
 from service.dynamics.problem import Accuracy, Method, PlanarMotion, Problem, StateMotion, Tier
 from tests.support.planar import body, planar
 from workers.solvers import choose as table

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential
 from service.dynamics.problem import PlanarMotion
 from tests.support.effort import each_once
 from tests.support.heyoka_integrator import HEYOKA

@@ -6,7 +6,7 @@ import pytest
 from flint import ctx
 
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import starting_point
 from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from tests.extremes.problems import SEPARATRIX
 from tests.support.planar import body, formula

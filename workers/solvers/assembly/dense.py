@@ -12,8 +12,8 @@ from flint import arb
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
 from service.dynamics.errors import DynamicsError
+from service.dynamics.numerics import largest
 from service.dynamics.solution.dense_output import (
     Period,
     chebyshev_coefficients,

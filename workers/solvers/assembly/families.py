@@ -34,12 +34,11 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.accuracy import LARGEST_TOLERANCE
-from service.dynamics.bounds import ErrorKind, is_within, largest
 from service.dynamics.motion import COLUMNS, Estimate, Motion, PlaceError
+from service.dynamics.numerics import ErrorKind, is_within, largest
 from service.dynamics.problem import Problem
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.start import StartingPoint
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import StartingPoint, Window
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period
 from workers.solvers.assembly.dense import (

@@ -14,8 +14,7 @@ from service.dynamics.potentials.families.general_solution import GeneralPotenti
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.start import StartingPoint, starting_point
-from service.dynamics.reduction.window import Arc, Window, require_known_ends
+from service.dynamics.reduction.window import Arc, StartingPoint, Window, require_known_ends, starting_point
 from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from workers.solvers.certified.fourier_time import (
     FourierTime,

@@ -9,11 +9,11 @@ from math import floor
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import largest
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.motion import COLUMNS, EnclosureMethod
+from service.dynamics.numerics import largest
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.recognition.three_terms import recognise
+from service.dynamics.potentials.recognition import recognise
 from service.dynamics.problem import ClassicalMotion, PlanarMotion, StateMotion
 from service.dynamics.reduction.geometry.loop import make_loop
 from workers.solvers.assembly.families import SYMMETRIC_POLE_PASSAGE

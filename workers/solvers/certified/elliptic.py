@@ -15,7 +15,7 @@ Gauss's transformation replaces (a, b) by their means and χ by χ' with
 never taken for equal, and nothing is truncated.
 
 Which motion it is, its interval, mirror image and phase at t = 0, follows from the rules of
-:mod:`service.dynamics.reduction.start`, decided by proven inequalities of the roots alone.
+:mod:`service.dynamics.reduction.window`, decided by proven inequalities of the roots alone.
 What they do not decide is left open.
 """
 
@@ -26,7 +26,7 @@ from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition import ThreeTerms
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
 from workers.solvers.three_terms import (
     MirrorImage,

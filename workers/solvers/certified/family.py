@@ -14,8 +14,8 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
 from service.dynamics.motion import Motion
+from service.dynamics.numerics import largest
 from service.dynamics.problem import PlanarMotion, Problem, TimePeriods
 from service.dynamics.reduction.windows import REDUCTION_BITS
 from service.dynamics.sampling import exact_instants

@@ -17,8 +17,14 @@ from service.dynamics.formula.tape import Tape
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.geometry.point import REALS, make_equator, place_of
-from service.dynamics.reduction.start import StartingPoint, StartOutsideWindowError, starting_point
-from service.dynamics.reduction.window import Arc, EndKind, Window
+from service.dynamics.reduction.window import (
+    Arc,
+    EndKind,
+    StartingPoint,
+    StartOutsideWindowError,
+    Window,
+    starting_point,
+)
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points
 from workers.solvers.certified.phase import LibrationPhase, RotationPhase
 

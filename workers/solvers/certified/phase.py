@@ -22,9 +22,8 @@ from flint import acb, arb, ctx
 
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.jets import FirstOrderJets
-from service.dynamics.formula.programs import Way, traced_program
+from service.dynamics.formula.programs import Traced, Tracer, Way, traced_program
 from service.dynamics.formula.tape import Tape
-from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.potentials.potential import VALUE
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.geometry.point import (

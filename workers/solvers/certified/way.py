@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from flint import acb, arb
 
-from service.dynamics.reduction.start import StartingPoint
+from service.dynamics.reduction.window import StartingPoint
 from workers.solvers.certified.phase import (
     POINT_MAX_RADIUS,
     LibrationPhase,

@@ -9,9 +9,8 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from service.dynamics.classical.loop import CASE_BITS, ReducedLoop
 from service.dynamics.classical.placement import Placed
-from service.dynamics.classical.protocol import Reduced, value
+from service.dynamics.classical.protocol import CASE_BITS, Reduced, ReducedLoop, value
 
 FloatArray = NDArray[np.float64]
 

@@ -20,12 +20,11 @@ from flint import arb, ctx
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
 from service.dynamics.classical.cases.hess import angle_rate
-from service.dynamics.classical.loop import CASE_BITS
 from service.dynamics.classical.placement import Placed
-from service.dynamics.classical.protocol import Number, value
+from service.dynamics.classical.protocol import CASE_BITS, Number, value
 from service.dynamics.formula.algebras.ball import ball
+from service.dynamics.numerics import largest
 from service.dynamics.solution.dense_output import (
     EPSILON,
     TURN,

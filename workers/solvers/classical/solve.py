@@ -9,11 +9,11 @@ from fractions import Fraction
 import numpy as np
 from flint import ctx
 
-from service.dynamics.bounds import largest
 from service.dynamics.classical.classification import relations_of
-from service.dynamics.classical.loop import CASE_BITS
 from service.dynamics.classical.placement import Placed, place
+from service.dynamics.classical.protocol import CASE_BITS
 from service.dynamics.motion import COLUMNS, Asymptote, Estimate, Motion
+from service.dynamics.numerics import largest
 from service.dynamics.problem import ClassicalMotion, Problem
 from service.dynamics.sampling import SampleTimes
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput, Period

@@ -12,8 +12,8 @@ import numpy as np
 from flint import arb
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import is_within
 from service.dynamics.motion import Motion
+from service.dynamics.numerics import is_within
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, Problem, StartAtEquator
 from service.dynamics.reduction.geometry.loop import Loop, make_loop, start_g3_sign

@@ -30,7 +30,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.formula.algebras.monomials import added_up, as_fmpq, without_zeros
 from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.dynamics.potentials.terms.laurent import Laurent, laurent
+from service.dynamics.potentials.recognition import Laurent, laurent
 from service.dynamics.problem import PlanarMotion, StartAtPoint
 from service.dynamics.solution.dense_output import EPSILON, Period
 from workers.solvers.compiled.frame import Frame

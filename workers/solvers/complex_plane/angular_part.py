@@ -28,15 +28,13 @@ from typing import Generic, NamedTuple, TypeVar
 from flint import acb, arb, arb_poly, arb_series, ctx
 
 from service.dynamics.formula.algebra import Algebra, OperatorAlgebra
-from service.dynamics.formula.algebras.ball import BallAlgebra, ball, series_of
-from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
+from service.dynamics.formula.algebras.ball import BallAlgebra, ComplexBallAlgebra, ball, series_of
 from service.dynamics.formula.algebras.long_intervals import LongInterval, LongIntervalAlgebra
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, PowerSum, Small
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import Tape, compile_tape
-from service.dynamics.potentials.angular_part.balls import curve_ball
+from service.dynamics.potentials.angular_part.balls import GENERIC_W, curve_ball
 from service.dynamics.potentials.angular_part.field import AngularField
-from service.dynamics.potentials.angular_part.powers import GENERIC_W
 from service.dynamics.reduction.geometry.loop import Loop
 
 Ball = TypeVar("Ball", arb, acb)

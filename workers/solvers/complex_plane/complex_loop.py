@@ -30,13 +30,11 @@ from typing import Any, NamedTuple, TypeVar  # Any: a question is answered in ev
 from flint import acb, arb, ctx
 
 from service.dynamics.formula.algebra import Algebra
-from service.dynamics.formula.algebras.ball import BallAlgebra, ball
-from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
+from service.dynamics.formula.algebras.ball import BallAlgebra, ComplexBallAlgebra, ball
 from service.dynamics.formula.algebras.jets import FirstOrderJets, Jet, SecondOrderJets
 from service.dynamics.formula.algebras.power_sums import Power, PowerAlgebra, PowerSum, Small
-from service.dynamics.formula.programs import MANY_EVALUATIONS, Kind, Way
+from service.dynamics.formula.programs import MANY_EVALUATIONS, Kind, Traced, Tracer, Way
 from service.dynamics.formula.tape import Tape
-from service.dynamics.formula.traces import Traced, Tracer
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.geometry.point import LoopNumbers, bends_of, gamma_of, rates_of, speed_factor
 from workers.solvers.complex_plane.angular_part import AngularSeries

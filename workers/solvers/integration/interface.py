@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.defect.accumulation import Blocks, StretchBatch, defect_within
 from service.dynamics.defect.equations import Equations
-from service.dynamics.defect.evidence import STATE_RELATIVE_ROUNDING
-from service.dynamics.defect.unresolved import hides_something
+from service.dynamics.defect.evidence import STATE_RELATIVE_ROUNDING, hides_something
 from service.dynamics.equations.euler_poisson import moments_of
 from service.dynamics.formula.algebras.real import nearest_double
 from service.dynamics.motion import COLUMNS

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from service.dynamics.formula import derived
-from service.dynamics.formula.algebras.scalar import FUNCTIONS
+from service.dynamics.formula.algebras.real import FUNCTIONS
 from service.dynamics.formula.derived import Exact
 from service.dynamics.formula.tape import Tape
 from workers.solvers.compiled.evaluation.program import numbers_of

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import is_within
 from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.euler_poisson import energy_integral
 from service.dynamics.motion import COLUMNS, Estimate, Motion
+from service.dynamics.numerics import is_within
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Problem
 from service.dynamics.sampling import sample_times

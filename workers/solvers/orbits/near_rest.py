@@ -27,8 +27,7 @@ from flint import arb, ctx
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
 from service.dynamics.reduction.root_finding.gap import NearRest, box_about, factor_R, slopes
-from service.dynamics.reduction.start import StartingPoint
-from service.dynamics.reduction.window import Arc
+from service.dynamics.reduction.window import Arc, StartingPoint
 from workers.solvers.orbits.orbit import RATE_NUDGE, STATE_NUDGE, six_variables
 
 CURVATURE_BITS = 70

@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.potentials.angular_part.along_curve import smooth_unit
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
-from service.dynamics.reduction.start import StartingPoint
-from service.dynamics.reduction.window import Arc
+from service.dynamics.reduction.window import Arc, StartingPoint
 
 FloatArray = NDArray[np.float64]
 Number = TypeVar("Number", float, arb, FloatArray)

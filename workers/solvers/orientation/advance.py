@@ -36,8 +36,7 @@ from service.dynamics.motion import COLUMNS, Estimate
 from service.dynamics.problem import Problem
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.reduction.windows import REDUCTION_BITS
-from service.dynamics.solution.ball_columns import split
-from service.dynamics.solution.dense_output import Advance
+from service.dynamics.solution.dense_output import Advance, split
 from workers.solvers.certified.certify import Certified, is_narrow
 from workers.solvers.certified.validated.enclose import Start, enclose_at
 from workers.solvers.certified.validated.motion import AXES, with_attitude

@@ -8,7 +8,7 @@ Single jobs and sweeps call this same function.
 from collections.abc import Callable
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import is_within
+from service.dynamics.numerics import is_within
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.solution.dense_output import TURN, TURN_LOW, Advance

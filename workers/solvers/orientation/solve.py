@@ -33,7 +33,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from service.dynamics.bounds import ErrorKind, largest
 from service.dynamics.defect.equations import Equations
 from service.dynamics.equations.orientation import (
     LOCAL_QUATERNION,
@@ -44,6 +43,7 @@ from service.dynamics.equations.orientation import (
     quaternion_product,
 )
 from service.dynamics.motion import COLUMNS, Motion, PlaceError
+from service.dynamics.numerics import ErrorKind, largest
 from service.dynamics.reduction.geometry.loop import Loop
 from service.dynamics.solution.dense_output import (
     EPSILON,

@@ -13,9 +13,9 @@ import numpy as np
 from flint import ctx
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import is_within, largest
 from service.dynamics.errors import DynamicsError
 from service.dynamics.motion import COLUMNS, AperiodicKind, Asymptote, Estimate, Motion
+from service.dynamics.numerics import is_within, largest
 from service.dynamics.potentials.angular_part.along_curve import LoopCurve
 from service.dynamics.potentials.families.general_solution import (
     SIGNS,
@@ -25,8 +25,7 @@ from service.dynamics.potentials.families.general_solution import (
 )
 from service.dynamics.problem import Problem
 from service.dynamics.reduction.geometry.loop import Loop
-from service.dynamics.reduction.start import StartingPoint
-from service.dynamics.reduction.window import Window, require_known_ends
+from service.dynamics.reduction.window import StartingPoint, Window, require_known_ends
 from service.dynamics.sampling import sample_times
 from service.dynamics.solution.dense_output import EPSILON, DenseOutput
 from workers.solvers.assembly.dense import Sampler, TimeMap, resolve_motion

@@ -27,8 +27,7 @@ from flint import arb
 
 from service.dynamics.motion import Asymptote, Estimate
 from service.dynamics.reduction.geometry.loop import Loop, LoopPoint
-from service.dynamics.reduction.start import StartingPoint
-from service.dynamics.reduction.window import Arc, ArcEnd
+from service.dynamics.reduction.window import Arc, ArcEnd, StartingPoint
 from workers.solvers.orbits.orbit import RATE_NUDGE, STATE_NUDGE, six_variables
 
 FARTHEST_Y = 48.0

@@ -30,7 +30,7 @@ import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
+from service.dynamics.numerics import largest
 from service.dynamics.solution.dense_output import (
     Period,
     chebyshev_coefficients,

@@ -19,7 +19,7 @@ from functools import cached_property
 
 from flint import acb, arb
 
-from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
+from service.dynamics.formula.algebras.ball import ComplexBallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets, Jet, SecondOrderJets
 from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.geometry.point import (

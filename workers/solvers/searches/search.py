@@ -12,16 +12,15 @@ from typing import Literal
 
 from flint import arb, ctx
 
-from service.dynamics.discovery.outcomes import Tell, untold
+from service.dynamics.discovery.setting import Tell, untold
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.problem import PlanarMotion, Problem, Start, StartAtEquator, StartAtPoint
 from service.dynamics.reduction.geometry.loop import make_loop
-from service.dynamics.reduction.start import StartingPoint
-from service.dynamics.reduction.window import Arc
+from service.dynamics.reduction.window import Arc, StartingPoint
 from service.dynamics.reduction.window import Window as ReducedWindow
 from service.dynamics.reduction.windows import NoMotionError, find_windows
-from service.dynamics.solution.ball_columns import exact_middle
+from service.dynamics.solution.dense_output import exact_middle
 from workers.solvers.certified.by_integral import IntegralMotion, integral_motion
 from workers.solvers.certified.orbit import passes_pole
 from workers.solvers.errors import PrecisionNeededError

@@ -14,8 +14,7 @@ from flint import acb, arb
 from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.formula.algebras.interval_bounds import outwards
-from service.dynamics.formula.algebras.intervals import Interval, IntervalAlgebra
+from service.dynamics.formula.algebras.intervals import Interval, IntervalAlgebra, outwards
 from workers.solvers.errors import PrecisionNeededError
 from workers.solvers.searches.family import ALGEBRA, FamilyCurve, ProblemFamily
 

@@ -31,7 +31,7 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.reduction.start import StartingPoint
+from service.dynamics.reduction.window import StartingPoint
 from service.dynamics.solution.dense_output import EPSILON, UNIT_ROUNDOFF, Period
 from workers.solvers.errors import PrecisionLostError
 from workers.solvers.orbits.orbit import Libration, Rotation, make_orbit
@@ -154,7 +154,7 @@ def hill_monodromy(
 
 Verdict = Literal["stable", "unstable", "marginal"]
 Proof = Literal["theorem", "estimate"]
-"""The kinds of :data:`service.dynamics.bounds.ErrorKind` that a trace may be known by."""
+"""The kinds of :data:`service.dynamics.numerics.ErrorKind` that a trace may be known by."""
 
 SPEED_PHASES = 16
 

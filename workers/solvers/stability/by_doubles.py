@@ -12,7 +12,7 @@ import numpy as np
 
 from service.dynamics.accuracy import TIER_TOLERANCES
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import is_within
+from service.dynamics.numerics import is_within
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.window import Window

@@ -39,9 +39,9 @@ from flint import acb, arb, ctx
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from service.dynamics.bounds import largest
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.ball import ball
+from service.dynamics.numerics import largest
 from service.dynamics.solution.dense_output import EPSILON
 from workers.solvers.errors import QuadratureNotConvergedError
 from workers.solvers.orbits.orbit import Libration, Rotation

@@ -14,13 +14,21 @@ from fractions import Fraction
 from flint import fmpq
 
 from service.dynamics.body import RigidBody
-from service.dynamics.errors import DynamicsError
+from service.dynamics.errors import DynamicsError, FormulaError
 from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.monomials import as_fmpq
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import format_tree
-from service.dynamics.formula.tree import Binary, Call, Negation, Number, Symbol, Tree, fold_tree, post_order
+from service.dynamics.formula.tree import (
+    Binary,
+    Call,
+    Negation,
+    Number,
+    Symbol,
+    Tree,
+    fold_tree,
+    format_tree,
+    post_order,
+)
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values
 from workers.sweeping.parameters.family import Path, degree_in

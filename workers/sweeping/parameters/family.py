@@ -19,9 +19,8 @@ from flint import arb, ctx, fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.errors import DynamicsError
+from service.dynamics.errors import DynamicsError, FormulaError
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import Tape, compile_tape
 from service.dynamics.formula.tree import Binary, Call, Negation, Symbol, Tree, fold_tree

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 from flint import fmpq
 
+from service.dynamics.errors import FormulaError
 from service.dynamics.exact import exact_number
 from service.dynamics.formula.algebras.monomials import as_fmpq
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.tree import VARIABLES, Binary, Call, Negation, Number, Symbol, Tree, fold_tree
-from service.dynamics.potentials.families.homogeneous import B_coefficients
+from service.dynamics.potentials.families.coefficients import B_coefficients
 from service.dynamics.potentials.potential import Potential
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import with_values

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import DynamicsError
 from service.dynamics.formula.algebras.monomials import as_fmpq, as_fraction
-from service.dynamics.formula.limits import MAX_EXPONENT
 from service.dynamics.formula.tape import Tape, with_inputs
+from service.dynamics.formula.tree import MAX_EXPONENT
 from service.dynamics.potentials.potential import Potential
 from workers.solvers.compiled.evaluation.program import (
     Program,

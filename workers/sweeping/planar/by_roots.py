@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
 from service.dynamics.formula.algebras.monomials import as_fraction, weighted_sum
-from service.dynamics.potentials.terms.laurent import Laurent
+from service.dynamics.potentials.recognition import Laurent
 from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods
 from service.dynamics.sampling import SampleTimes, sample_times
 from service.dynamics.solution.dense_output import Period

@@ -13,8 +13,8 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import printed_error
 from service.dynamics.motion import COLUMNS
+from service.dynamics.numerics import printed_error
 from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods, Times
 from service.dynamics.reduction.windows import NoMotionError
 from service.dynamics.sampling import SampleTimes, sample_times, sample_times_of_each

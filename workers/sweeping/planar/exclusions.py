@@ -16,7 +16,7 @@ from flint import arb, fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.algebras.interval_bounds import (
+from service.dynamics.formula.algebras.intervals import (
     FUNCTION_ROUNDING,
     LARGEST_LOGARITHM,
     OPERATION_ROUNDING,
@@ -27,12 +27,12 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
     Cells,
     Loops,
     all_negative,
+    equators,
     have_no_motion,
     heights_of,
     shape_of,
     sines,
 )
-from service.dynamics.reduction.sign_proofs.equators import equators
 from service.dynamics.verdict.proofs.power_sums import Judgement, Term, have_g2, number_of
 from workers.solvers.compiled.evaluation.program import (
     ABS,

@@ -14,8 +14,8 @@ from flint import fmpq
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
-from service.dynamics.bounds import printed_error
 from service.dynamics.further_integrals import FurtherIntegral, find_further_integrals, integral_drift
+from service.dynamics.numerics import printed_error
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Problem
 from service.dynamics.solution.dense_output import Advance

@@ -25,8 +25,8 @@ from service.dynamics.verdict.proofs.power_sums import CurveEnergy, Judgement, j
 from service.schemas.problem.trusted import potential_of
 from service.schemas.reading.documents import Part, with_values
 from service.schemas.sweep.sweep import json_number
-from workers.solvers.compiled.solve import Tier
 from workers.solvers.compiled.frame import Bodies, loops_of
+from workers.solvers.compiled.solve import Tier
 from workers.solvers.units import Units
 from workers.sweeping.parameters.coefficients import Coefficients
 from workers.sweeping.parameters.family import Energies, Path, Poles, rounded

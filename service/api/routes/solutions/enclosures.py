@@ -15,7 +15,7 @@ from service.api.replies.responses import SolutionId, json_response, refusals
 from service.api.tagged import validator_headers
 from service.dynamics.equations.orientation import PRECESSION, QUATERNION
 from service.dynamics.motion import COLUMNS
-from service.dynamics.solution.ball_columns import MAX_PARTS, RADIUS, as_decimals, join
+from service.dynamics.solution.dense_output import MAX_PARTS, RADIUS, as_decimals, join
 from service.schemas.problem.trusted import ONE_AT_A_TIME
 from service.schemas.replies.solution import EnclosureOut, EnclosuresOut
 from service.storage.codecs.packing import decode_arrays

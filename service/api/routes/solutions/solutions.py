@@ -16,7 +16,7 @@ from service.api.queries.queries import Asked, Number, asked_of, query_parameter
 from service.api.replies.records import solution_out
 from service.api.replies.responses import JSON, SolutionId, json_content, refusals
 from service.api.tagged import validator_headers
-from service.dynamics.methods import SolvedBy
+from service.dynamics.numerics import SolvedBy
 from service.dynamics.problem import Tier
 from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject, equals
 from service.schemas.query.facts import OF_SOLUTIONS, FamilyName

@@ -41,8 +41,7 @@ from service.dynamics.equations.orientation import (
 from service.dynamics.motion import COLUMNS, columns_of
 from service.dynamics.problem import TimeSpan
 from service.dynamics.sampling import SampleTimes, sample_times
-from service.dynamics.solution.ball_columns import is_part
-from service.dynamics.solution.dense_output import DenseOutput
+from service.dynamics.solution.dense_output import DenseOutput, is_part
 from service.dynamics.solution.preview import deviation, preview_times
 from service.jobs.records import SolutionNotFoundError
 from service.schemas.problem.trusted import outputs_of, times_of

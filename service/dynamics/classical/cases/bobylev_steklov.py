@@ -7,7 +7,6 @@ from service.dynamics.classical.protocol import (
     Number,
     Reduced,
     Relations,
-    Setting,
     State,
 )
 
@@ -40,15 +39,13 @@ def _relations(k: Constants, state: State) -> Relations:
     }
 
 
-def _reduce(setting: Setting) -> Reduced:
-    return reduced(setting.C, setting.a, setting.parameters["p"], setting.parameters["energy"])
-
-
 CASE = ClassicalCase(
     name="bobylev_steklov",
     centre="axis",
     condition=condition,
-    reduce=_reduce,
+    reduce=lambda setting: reduced(
+        setting.C, setting.a, setting.parameters["p"], setting.parameters["energy"]
+    ),
     parameters={
         "p": "the constant component of the angular velocity along the centre; any number, 0 for a pendulum",
         "energy": "with e = energy - C*p^2: between -|a| and max(|a|, (a^2 + C^2*p^4)/(2*C*p^2)), the latter"

@@ -7,7 +7,6 @@ from service.dynamics.classical.protocol import (
     Number,
     Reduced,
     Relations,
-    Setting,
     State,
 )
 
@@ -57,15 +56,11 @@ def _relations(k: Constants, state: State) -> Relations:
     }
 
 
-def _reduce(setting: Setting) -> Reduced:
-    return reduced(setting.B, setting.C)
-
-
 CASE = ClassicalCase(
     name="chaplygin",
     centre="axis",
     condition=condition,
-    reduce=_reduce,
+    reduce=lambda setting: reduced(setting.B, setting.C),
     example={"A": 1, "B": "31/20", "C": "189/316", "a": 1},
     about=About(
         title="The solution of Chaplygin",

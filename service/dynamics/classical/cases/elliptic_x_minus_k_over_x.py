@@ -12,7 +12,6 @@ from service.dynamics.classical.protocol import (
     Number,
     Reduced,
     Relations,
-    Setting,
     State,
     real_roots,
 )
@@ -81,16 +80,12 @@ def _relations(k: Constants, state: State) -> Relations:
     }
 
 
-def _reduce(setting: Setting) -> Reduced:
-    return reduced(setting.B, setting.C)
-
-
 CASE = ClassicalCase(
     name="elliptic_x_minus_k_over_x",
     centre="axis",
     condition=None,
     ratios=moments,
-    reduce=_reduce,
+    reduce=lambda setting: reduced(setting.B, setting.C),
     example={"A": 1, "a": 1},
     about=About(
         title="The elliptic solution with p = x - k/x",

@@ -1,6 +1,6 @@
 """Goriachev 1899: the centre on the first axis, q² biquadratic and r² quadratic in p."""
 
-from service.dynamics.classical.protocol import About, ClassicalCase, Number, Reduced, Setting, master
+from service.dynamics.classical.protocol import About, ClassicalCase, Number, Reduced, master
 
 
 def condition(A: Number, B: Number, C: Number, _a: Number, _c: Number) -> Number:
@@ -21,15 +21,11 @@ def reduced(B: Number, C: Number) -> Reduced:
     return master(B, C, (Q0, zero, Q2, zero, Q4), (R0, zero, R2), h)
 
 
-def _reduce(setting: Setting) -> Reduced:
-    return reduced(setting.B, setting.C)
-
-
 CASE = ClassicalCase(
     name="goriatchev",
     centre="axis",
     condition=condition,
-    reduce=_reduce,
+    reduce=lambda setting: reduced(setting.B, setting.C),
     example={"A": 1, "B": "61/100", "C": "671/475", "a": 1},
     about=About(
         title="The solution of Goriachev",

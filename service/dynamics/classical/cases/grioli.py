@@ -7,7 +7,6 @@ from service.dynamics.classical.protocol import (
     Number,
     Reduced,
     Relations,
-    Setting,
     State,
 )
 
@@ -46,15 +45,11 @@ def _relations(k: Constants, state: State) -> Relations:
     }
 
 
-def _reduce(setting: Setting) -> Reduced:
-    return reduced(setting.B, setting.C, setting.ex, setting.ez)
-
-
 CASE = ClassicalCase(
     name="grioli",
     centre="plane",
     condition=condition,
-    reduce=_reduce,
+    reduce=lambda setting: reduced(setting.B, setting.C, setting.ex, setting.ez),
     example={"A": 3, "C": "3/2", "a": "7/5", "c": 1},
     about=About(
         title="The regular precession of Grioli",

@@ -9,7 +9,6 @@ from service.dynamics.classical.protocol import (
     Number,
     Reduced,
     Relations,
-    Setting,
     State,
     derivative,
     real_roots,
@@ -79,17 +78,13 @@ def _relations(k: Constants, state: State) -> Relations:
     }
 
 
-def _reduce(setting: Setting) -> Reduced:
-    return reduced(setting.B, setting.C)
-
-
 CASE = ClassicalCase(
     name="konosevich_pozdnyakovich",
     centre="axis",
     condition=None,
     ratios=moments,
     solutions=2,
-    reduce=_reduce,
+    reduce=lambda setting: reduced(setting.B, setting.C),
     example={"A": 1, "a": 1, "solution": 1},
     about=About(
         title="The solutions of Konosevich and Pozdnyakovich",

@@ -1,6 +1,6 @@
 """N. Kowalewski 1908: the centre on the first axis, q² cubic and r² quadratic in p."""
 
-from service.dynamics.classical.protocol import About, ClassicalCase, Number, Reduced, Setting, master
+from service.dynamics.classical.protocol import About, ClassicalCase, Number, Reduced, master
 
 
 def condition(A: Number, B: Number, C: Number, _a: Number, _c: Number) -> Number:
@@ -28,15 +28,11 @@ def reduced(B: Number, C: Number) -> Reduced:
     return master(B, C, (Q0, Q1, Q2, Q3), (R0, R1, R2), h)
 
 
-def _reduce(setting: Setting) -> Reduced:
-    return reduced(setting.B, setting.C)
-
-
 CASE = ClassicalCase(
     name="kowalewski",
     centre="axis",
     condition=condition,
-    reduce=_reduce,
+    reduce=lambda setting: reduced(setting.B, setting.C),
     example={"A": 1, "B": "5/8", "C": "9/8", "a": 1},
     about=About(
         title="The solution of N. Kowalewski",

@@ -1,6 +1,6 @@
 """Steklov 1899: the centre on the first axis, q² and r² quadratic in p with two terms; any moments."""
 
-from service.dynamics.classical.protocol import About, ClassicalCase, Number, Reduced, Setting, master
+from service.dynamics.classical.protocol import About, ClassicalCase, Number, Reduced, master
 
 
 def reduced(B: Number, C: Number) -> Reduced:
@@ -12,15 +12,11 @@ def reduced(B: Number, C: Number) -> Reduced:
     return master(B, C, Q, R, one)
 
 
-def _reduce(setting: Setting) -> Reduced:
-    return reduced(setting.B, setting.C)
-
-
 CASE = ClassicalCase(
     name="steklov",
     centre="axis",
     condition=None,
-    reduce=_reduce,
+    reduce=lambda setting: reduced(setting.B, setting.C),
     example={"A": 1, "B": "9/10", "C": "2/5", "a": 1},
     about=About(
         title="The solution of Steklov",

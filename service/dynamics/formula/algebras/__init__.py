@@ -1,1 +1,1 @@
-"""The number types in which formulas are evaluated, one file each."""
+"""The number types in which formulas are evaluated."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.formula.algebra import DerivedOperations
-from service.dynamics.formula.algebras.interval_bounds import (
+from service.dynamics.formula.algebras.intervals import (
     FUNCTION_ROUNDING,
     OPERATION_ROUNDING,
     power_error,

@@ -15,10 +15,10 @@ from typing import NamedTuple, TypeVar
 
 from flint import fmpq
 
+from service.dynamics.errors import FormulaError
 from service.dynamics.formula.algebra import DerivedOperations
-from service.dynamics.formula.errors import FormulaError
-from service.dynamics.formula.folding import fold_power
 from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.tree import fold_power
 
 Key = TypeVar("Key")
 Ratio = TypeVar("Ratio", Fraction, fmpq, int)

@@ -1,21 +1,140 @@
-"""Encloses the angular part V1[F] in balls.
+r"""Encloses the angular part V1[F] in balls: by integrals over F, or by series if F is a sum of powers of w.
 
 Integrals over F are enclosed piece by piece, cut at the kinks of F(w), which are zeros of absolute values.
 An integrator that is left alone with a kink halves its way to it, at several times the price.
+
+The potential of w^m that vanishes like |g3|^(2αm+2) at g3 = 0 is homogeneous, and its second factor solves
+the equation of Gauss (H. M. Yehia's (e1) and (eg)): with ζ = (g3/g1)²
+
+.. math:: \frac{\alpha+\zeta}{1+\zeta}\int_0^\zeta \frac{z^{\alpha m}(1+z)^{(1-\alpha)m}}{(\alpha+z)^2}\,dz
+          = \frac{\zeta^{\alpha m+1}}{\alpha(\alpha m+1)}\,(1+\zeta)^{(1-\alpha)m}\;
+            {}_2F_1(2, m+1; \alpha m+2; -\zeta),
+
+and both sides are continued to all m but those with αm + 1 = 0, −1, −2, …, which are left to the integral.
+Between two directions the difference of the integrals is that of V1.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import lru_cache
+from typing import TypeVar
 
 from flint import acb, arb, ctx
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.algebras.ball import BallAlgebra, ball
+from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebras.ball import BallAlgebra, ComplexBallAlgebra, ball
+from service.dynamics.formula.algebras.jets import FirstOrderJets, SecondOrderJets
+from service.dynamics.formula.algebras.power_sums import ONE, PowerAlgebra, PowerSum, Small
+from service.dynamics.formula.algebras.real import FloatArray, RealAlgebra
 from service.dynamics.formula.rewriting import copied, with_signs
 from service.dynamics.formula.tape import Tape
-from service.dynamics.potentials.angular_part.curve_function import CurveFunction
-from service.dynamics.potentials.angular_part.powers import angular_of_power, powers_of
+
+T = TypeVar("T")
+_Algebras = tuple[Algebra[T], FirstOrderJets[T], SecondOrderJets[T]]
+
+
+@dataclass(frozen=True, slots=True)
+class CurveFunction:
+    """F(w) by a tape over the one variable w; each method returns (F, θF, θ²F) up to ``order`` ≤ 2."""
+
+    tape: Tape
+
+    def real(self, w: FloatArray, order: int) -> tuple[FloatArray, ...]:
+        """Return doubles; the parts may have fewer axes than ``w`` where they are constant."""
+        return self._powers(_REAL, w, order)
+
+    def ball(self, w: arb, order: int) -> tuple[arb, ...]:
+        """Return enclosures, NaN where F is undefined."""
+        return self._powers(_BALL, w, order)
+
+    def complex_ball(self, w: acb, order: int, *, analytic: bool) -> tuple[acb, ...]:
+        """Return enclosures of the continuation to complex w; see ComplexBallAlgebra for ``analytic``."""
+        return self._powers(_COMPLEX[analytic], w, order)
+
+    def _powers(self, algebras: _Algebras[T], w: T, order: int) -> tuple[T, ...]:
+        base, first, second = algebras
+        if order == 0:
+            return (self.tape.evaluate(base, (w,)),)
+        if order == 1:
+            jet = self.tape.evaluate(first, first.variables((w,)))
+            return jet.value, base.multiply(w, first.gradient(jet)[0])
+        jet = self.tape.evaluate(second, second.variables((w,)))
+        slope, curvature = second.gradient(jet)[0], second.hessian(jet)[0][0]
+        # θ²F = w (F' + w F'').
+        bent = base.add(slope, base.multiply(w, curvature))
+        return jet.value, base.multiply(w, slope), base.multiply(w, bent)
+
+
+def _with_jets(base: Algebra[T]) -> _Algebras[T]:
+    return base, FirstOrderJets(base, 1), SecondOrderJets(base, 1)
+
+
+_REAL = _with_jets(RealAlgebra())
+_BALL = _with_jets(BallAlgebra())
+_COMPLEX = {analytic: _with_jets(ComplexBallAlgebra(analytic=analytic)) for analytic in (False, True)}
+GENERIC_W = Fraction(2, 3)
+"""A value of w at which the formula is followed."""
+
+
+def powers_of(tape: Tape, alpha: Fraction) -> Mapping[Fraction, arb] | None:
+    """Return the coefficients of F by the exponents of w, at the current precision.
+
+    None if F is no sum of powers, or has one at which V1 has another form.
+    """
+    return _powers_at(tape, alpha, ctx.prec)
+
+
+@lru_cache(maxsize=64)
+def _powers_at(tape: Tape, alpha: Fraction, bits: int) -> Mapping[Fraction, arb] | None:
+    with ctx.workprec(bits):
+        base = BallAlgebra()
+        algebra = PowerAlgebra(base, Small(base.constant(GENERIC_W), 1, 1))
+        found = tape.evaluate(algebra, (PowerSum({(Fraction(1), 0): Fraction(1)}),))
+        terms = {power[0]: algebra.value(PowerSum({ONE: factor})) for power, factor in found.terms.items()}
+    if algebra.powers or not all(value.is_finite() for value in terms.values()):
+        # A function of w that is no power has been asked for its value.
+        return None
+    is_other = ((alpha * m + 1).denominator == 1 and alpha * m + 1 <= 0 for m in terms)
+    return None if any(is_other) else terms
+
+
+def angular_of_power(m: Fraction, alpha: Fraction, scale: arb, start: arb, zeta: arb) -> arb:
+    """Return V1[w^m] at the direction ``zeta``, 0 at ``start``; ``scale`` is (|A − C| ρ)^(α−1)."""
+    a, power = ball(alpha), ball(m)
+    turned = (a + zeta) / (1 + zeta) * (1 + start) / (a + start)
+    difference = _from_axis(power, a, zeta) - turned * _at_start(m, alpha, _Exact(start), ctx.prec)
+    return (1 - a) * (power * scale.log()).exp() * difference
+
+
+class _Exact:
+    """A ball that is known by its bits."""
+
+    def __init__(self, ball: arb) -> None:
+        self.ball = ball
+        self._bits = ball.mid().man_exp(), ball.rad().man_exp()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Exact) and self._bits == other._bits
+
+    def __hash__(self) -> int:
+        return hash(self._bits)
+
+
+@lru_cache(maxsize=64)
+def _at_start(m: Fraction, alpha: Fraction, start: _Exact, bits: int) -> arb:
+    """Return the right-hand side above at the direction at which V1 vanishes."""
+    with ctx.workprec(bits):
+        return _from_axis(ball(m), ball(alpha), start.ball)
+
+
+def _from_axis(m: arb, alpha: arb, zeta: arb) -> arb:
+    """Return the right-hand side above."""
+    e = alpha * m + 1
+    size = (e * zeta.log() + (1 - alpha) * m * zeta.log1p()).exp() / (alpha * e)
+    return size * (-zeta).hypgeom_2f1(arb(2), m + 1, e + 1)
+
 
 MAX_LOG_W = 64
 """Kinks are looked for at |log w| up to this; beyond them F is left as it is."""

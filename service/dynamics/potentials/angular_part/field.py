@@ -43,8 +43,9 @@ from service.dynamics.formula.algebra import Algebra, Arithmetic
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.real import RealAlgebra
 from service.dynamics.formula.tape import Tape
-from service.dynamics.potentials.angular_part.balls import angular_balls, curve_ball
-from service.dynamics.potentials.angular_part.curve_function import CurveFunction
+from service.dynamics.potentials.angular_part.balls import CurveFunction, angular_balls, curve_ball
+
+T = TypeVar("T", bound=Arithmetic)
 
 FloatArray = NDArray[np.float64]
 IntegrandFunction = Callable[[FloatArray], FloatArray]
@@ -186,8 +187,6 @@ def _rule() -> _Rule:
     degrees = np.arange(PANEL_NODES - 2, PANEL_NODES)
     return _Rule(points, weights, weights[:, None] * vandermonde * (degrees + 0.5))
 
-
-T = TypeVar("T", bound=Arithmetic)
 
 Matrix = tuple[tuple[T, T, T], tuple[T, T, T], tuple[T, T, T]]
 

@@ -1,1 +1,1 @@
-"""The families of potentials, one file each; they do not know each other."""
+"""The families of potentials, given by coefficients or by formulas; they do not know each other."""

@@ -20,14 +20,12 @@ from fractions import Fraction
 from functools import reduce
 
 from service.dynamics.body import RigidBody
+from service.dynamics.errors import FormulaError
 from service.dynamics.formula.algebras.monomials import weighted_sum
 from service.dynamics.formula.algebras.power_sums import PowerAlgebra, Small
 from service.dynamics.formula.algebras.power_sums import PowerSum as SumOfPowers
-from service.dynamics.formula.errors import FormulaError
-from service.dynamics.formula.folding import fold_power
 from service.dynamics.formula.parameters import PI
 from service.dynamics.formula.parser import parse
-from service.dynamics.formula.printer import exact_tree
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.tree import (
     FUNCTIONS,
@@ -38,19 +36,14 @@ from service.dynamics.formula.tree import (
     Number,
     Symbol,
     Tree,
+    exact_tree,
+    fold_power,
 )
 from service.dynamics.identity_cache import IdentityCache
+from service.dynamics.potentials.families.coefficients import B_term, C_term, energy_of_B, energy_of_C
 from service.dynamics.potentials.families.general_solution import FAMILY, GeneralPotential
-from service.dynamics.potentials.families.homogeneous import B_term, C_term, energy_of_B, energy_of_C
 from service.dynamics.potentials.potential import FormulaPotential, Potential
-from service.dynamics.potentials.terms.logarithmic import multiplicity
-from service.dynamics.potentials.terms.powers import (
-    PowerSum,
-    monomial_sum,
-    power_terms,
-    scaled,
-    total,
-)
+from service.dynamics.potentials.terms import PowerSum, monomial_sum, multiplicity, power_terms, scaled, total
 
 QUARTER = parse("pi/4")
 """The reference angle at which powers of the cosine and the sine are the same."""

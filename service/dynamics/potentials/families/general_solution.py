@@ -16,12 +16,11 @@ import numpy as np
 from flint import arb, ctx
 from numpy.typing import NDArray
 
-from service.dynamics.formula.printer import format_tree
 from service.dynamics.formula.tape import Tape
-from service.dynamics.formula.tree import Tree
+from service.dynamics.formula.tree import Tree, format_tree
 from service.dynamics.potentials.angular_part.along_curve import CurveField, LoopCurve
+from service.dynamics.potentials.angular_part.balls import powers_of
 from service.dynamics.potentials.angular_part.field import AngularField
-from service.dynamics.potentials.angular_part.powers import powers_of
 from service.dynamics.potentials.potential import (
     BallJet,
     BallRow,

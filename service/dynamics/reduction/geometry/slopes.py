@@ -1,4 +1,4 @@
-r"""Computes D = g1 V_3 − g3 V_1 and its derivatives along the curve, in any algebra.
+r"""Derivatives along the curve, in any algebra: of D = g1 V_3 − g3 V_1, and Taylor coefficients of formulas.
 
 The field
 
@@ -14,7 +14,7 @@ from fractions import Fraction
 from typing import Any, Generic, NamedTuple, TypeVar  # Any: jets of jets have no type of finite length
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.algebra import Algebra
+from service.dynamics.formula.algebra import Algebra, DerivedOperations
 from service.dynamics.formula.algebras.jets import FirstOrderJets, Jet
 from service.dynamics.formula.tape import Tape
 
@@ -84,3 +84,154 @@ def rates_along(algebra: Algebra[T], body: RigidBody, g: Sequence[T]) -> list[T]
     first, third = algebra.multiply(A, g1), algebra.multiply(C, g3)
     Q = algebra.add(algebra.multiply(first, g1), algebra.multiply(third, g3))
     return [algebra.multiply(first, g2), algebra.negate(Q), algebra.multiply(third, g2)]
+
+
+Series = list[T]
+"""Coefficients of 1, t, t², …, as many as the algebra keeps."""
+
+
+class SeriesAlgebra(DerivedOperations[Series[T]], Generic[T]):
+    """Series up to t^``order`` over a ``base``; an Algebra itself.
+
+    Of balls, each coefficient encloses those about every point of the balls: that of t^k is f^(k)/k!. |x| has
+    none but the first where x may be 0.
+    """
+
+    def __init__(self, base: Algebra[T], order: int) -> None:
+        self._base = base
+        self._order = order
+        self._zero = base.constant(Fraction(0))
+
+    def series(self, coefficients: Sequence[T]) -> Series[T]:
+        """Return the series with these first coefficients, and zeros."""
+        return [*coefficients, *[self._zero] * (self._order + 1 - len(coefficients))]
+
+    def constant(self, value: Fraction) -> Series[T]:
+        """Return an exact number."""
+        return self.series([self._base.constant(value)])
+
+    def pi(self) -> Series[T]:
+        """Return π."""
+        return self.series([self._base.pi()])
+
+    def add(self, left: Series[T], right: Series[T]) -> Series[T]:
+        """Return left + right."""
+        return [self._base.add(x, y) for x, y in zip(left, right, strict=True)]
+
+    def subtract(self, left: Series[T], right: Series[T]) -> Series[T]:
+        """Return left - right."""
+        return [self._base.subtract(x, y) for x, y in zip(left, right, strict=True)]
+
+    def negate(self, operand: Series[T]) -> Series[T]:
+        """Return -operand."""
+        return [self._base.negate(x) for x in operand]
+
+    def multiply(self, left: Series[T], right: Series[T]) -> Series[T]:
+        """Return left · right."""
+        return [self._convolved(left, right, k, range(k + 1)) for k in range(self._order + 1)]
+
+    def divide(self, left: Series[T], right: Series[T]) -> Series[T]:
+        """Return left / right."""
+        found: Series[T] = []
+        for k in range(self._order + 1):
+            rest = self._base.subtract(left[k], self._convolved(found, right, k, range(k)))
+            found.append(self._base.divide(rest, right[0]))
+        return found
+
+    def power(self, base: Series[T], exponent: Fraction) -> Series[T]:
+        """Return base^exponent; whole powers also where the base may be 0."""
+        if exponent.denominator == 1 and exponent > 0:
+            times, result, square = exponent.numerator, self.constant(Fraction(1)), base
+            while times:
+                result = self.multiply(result, square) if times & 1 else result
+                times >>= 1
+                square = self.multiply(square, square) if times else square
+            return result
+        # b f' = e b' f
+        found = [self._base.power(base[0], exponent)]
+        for k in range(1, self._order + 1):
+            weighted = [
+                self._scaled(exponent * j - (k - j), self._base.multiply(base[j], found[k - j]))
+                for j in range(1, k + 1)
+            ]
+            found.append(self._base.divide(self._scaled(Fraction(1, k), self._total(weighted)), base[0]))
+        return found
+
+    def call(self, name: str, argument: Series[T]) -> Series[T]:
+        """Return the function; sign has the derivative 0 where its argument is not 0, and none else."""
+        first = self._base.call(name, argument[0])
+        match name:
+            case "exp":
+                found = [first]
+                for k in range(1, self._order + 1):
+                    found.append(self._integrated(argument, found, k))
+                return found
+            case "log":
+                rates = self.divide(self._derivative(argument), argument)
+                return [first, *(self._scaled(Fraction(1, k + 1), rates[k]) for k in range(self._order))]
+            case "sin" | "cos":
+                sine, cosine = [self._base.call("sin", argument[0])], [self._base.call("cos", argument[0])]
+                for k in range(1, self._order + 1):
+                    grown = self._integrated(argument, cosine, k)
+                    cosine.append(self._base.negate(self._integrated(argument, sine, k)))
+                    sine.append(grown)
+                return sine if name == "sin" else cosine
+            case "tan":
+                return self.divide(self.call("sin", argument), self.call("cos", argument))
+            case "abs":
+                return self.multiply(self.call("sign", argument), argument)
+        # 0/x is 0 where x is not 0, and no number else.
+        rate = self._base.divide(self._zero, argument[0])
+        return [first, *[rate] * self._order]
+
+    def _integrated(self, argument: Series[T], of: Series[T], k: int) -> T:
+        """Return the coefficient of t^k in the integral of argument' · of, whose first k are known."""
+        terms = [
+            self._scaled(Fraction(j, k), self._base.multiply(argument[j], of[k - j])) for j in range(1, k + 1)
+        ]
+        return self._total(terms)
+
+    def _derivative(self, operand: Series[T]) -> Series[T]:
+        return self.series([self._scaled(Fraction(k), operand[k]) for k in range(1, self._order + 1)])
+
+    def _convolved(self, left: Series[T], right: Series[T], k: int, places: Sequence[int]) -> T:
+        return self._total([self._base.multiply(left[j], right[k - j]) for j in places])
+
+    def _scaled(self, factor: Fraction, operand: T) -> T:
+        return operand if factor == 1 else self._base.multiply(self._base.constant(factor), operand)
+
+    def _total(self, terms: Sequence[T]) -> T:
+        total = self._zero
+        for term in terms:
+            total = self._base.add(total, term)
+        return total
+
+
+def along_curve(
+    base: Algebra[T], moments: tuple[Fraction, Fraction], g: Sequence[T], order: int
+) -> list[Series[T]]:
+    """Return g1, g2 and g3 as series in g2 - (g2 of the place) on the curve through it, which is no pole.
+
+    Along every curve |g3| = λ |g1|^(C/A), dg1/dg2 = -A g1 w and dg3/dg2 = -C g3 w with
+    w = g2 / (A g1² + C g3²); ``moments`` are A and C.
+    """
+    A, C = (base.constant(moment) for moment in moments)
+    zero = base.constant(Fraction(0))
+    g1, g3 = [g[0]], [g[2]]
+    g2 = [g[1], base.constant(Fraction(1)), *[zero] * order][: order + 1]
+    Q, w = list[T](), list[T]()
+
+    def total(left: Sequence[T], right: Sequence[T], k: int, places: Sequence[int]) -> T:
+        found = zero
+        for j in places:
+            found = base.add(found, base.multiply(left[j], right[k - j]))
+        return found
+
+    for k in range(order):
+        squares = [base.multiply(m, total(x, x, k, range(k + 1))) for m, x in ((A, g1), (C, g3))]
+        Q.append(base.add(*squares))
+        w.append(base.divide(base.subtract(g2[k], total(w, Q, k, range(k))), Q[0]))
+        for moment, x in ((moments[0], g1), (moments[1], g3)):
+            rate = base.constant(-moment / (k + 1))
+            x.append(base.multiply(rate, total(x, w, k, range(k + 1))))
+    return [g1, g2, g3]

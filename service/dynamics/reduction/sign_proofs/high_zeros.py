@@ -25,13 +25,13 @@ from service.dynamics.formula.algebras.algebraic import (
 )
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.algebras.jets import FirstOrderJets
-from service.dynamics.formula.algebras.series import SeriesAlgebra, along_curve
 from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.vanishing import VanishingPart, parts_in_g2, with_vanishing
-from service.dynamics.reduction.root_finding.gap import equator_point
-from service.dynamics.reduction.root_finding.rest_proof import (
+from service.dynamics.reduction.geometry.slopes import SeriesAlgebra, along_curve
+from service.dynamics.reduction.root_finding.gap import (
     POINT_BITS,
     SAME_PLACE_BITS,
+    equator_point,
     exact_at,
     numbers_near,
 )
@@ -44,8 +44,7 @@ from service.dynamics.reduction.root_finding.zeros import (
     lowest_place,
 )
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
-from service.dynamics.reduction.sign_proofs.cells import Half
-from service.dynamics.reduction.sign_proofs.signs_in_balls import Side
+from service.dynamics.reduction.sign_proofs.cells import Half, Side
 
 FIRST_ORDERS = 4
 """Orders that exact algebra tries before all."""

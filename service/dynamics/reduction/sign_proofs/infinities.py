@@ -22,7 +22,15 @@ from service.dynamics.formula.vanishing import VanishingPart, has_essential_part
 from service.dynamics.reduction.geometry.slopes import derivatives_along
 from service.dynamics.reduction.root_finding.zeros import LoopPlace, Radicand, enclose_zero
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
-from service.dynamics.reduction.sign_proofs.cells import Curves, Half
+from service.dynamics.reduction.sign_proofs.cells import (
+    Curves,
+    Half,
+    Side,
+    place_at,
+    place_on_stretch,
+    region_of_stretch,
+    width_of,
+)
 from service.dynamics.reduction.sign_proofs.neighbourhoods import (
     UNDEFINED,
     UNDEFINED_HERE,
@@ -31,13 +39,6 @@ from service.dynamics.reduction.sign_proofs.neighbourhoods import (
     UnbrokenBalls,
     neighbourhoods,
     sign_of,
-)
-from service.dynamics.reduction.sign_proofs.signs_in_balls import (
-    Side,
-    place_at,
-    place_on_stretch,
-    region_of_stretch,
-    width_of,
 )
 
 MAX_STRETCHES = 2000

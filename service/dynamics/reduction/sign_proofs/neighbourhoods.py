@@ -22,9 +22,8 @@ from service.dynamics.formula.tape import Tape
 from service.dynamics.formula.vanishing import VanishingPart, vanishing_parts
 from service.dynamics.reduction.geometry.slopes import SecondScale, derivatives_along
 from service.dynamics.reduction.root_finding.zeros import enclose_zero
-from service.dynamics.reduction.sign_proofs.cells import Curves
+from service.dynamics.reduction.sign_proofs.cells import LOG_POWER, Curves
 from service.dynamics.reduction.sign_proofs.high_zeros import ExactPlace, exact_place, taylor_of_function
-from service.dynamics.reduction.sign_proofs.signs_in_balls import LOG_POWER
 
 UNDEFINED = 2
 """In place of a sign."""

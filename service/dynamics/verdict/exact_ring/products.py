@@ -7,11 +7,15 @@ from math import isqrt
 from flint import fmpq_mpoly, fmpz
 
 from service.dynamics.formula.algebras.monomials import as_fraction
-from service.dynamics.verdict.exact_ring.generators import Coordinate, Cosine, Divisor, Element, exponents_of
-from service.dynamics.verdict.exact_ring.layout import (
+from service.dynamics.verdict.exact_ring.generators import (
+    Coordinate,
+    Cosine,
+    Divisor,
+    Element,
     LayoutTooSmallError,
     NoProofError,
     UndefinedInOctantError,
+    exponents_of,
 )
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.exact_ring.signs import Signs, conjugates, is_positive

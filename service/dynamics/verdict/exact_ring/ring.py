@@ -26,22 +26,20 @@ from fractions import Fraction
 from flint import Ordering, fmpq, fmpq_mpoly, fmpq_mpoly_ctx
 
 from service.dynamics.verdict.exact_ring.generators import (
+    MAX_COEFFICIENT_BITS,
     CircleConstant,
     Coordinate,
     Cosine,
     CosineOfTurn,
     Divisor,
     Element,
-    Nature,
-    Root,
-    exponents_of,
-)
-from service.dynamics.verdict.exact_ring.layout import (
-    MAX_COEFFICIENT_BITS,
     Layout,
     LayoutTooSmallError,
+    Nature,
     NoProofError,
+    Root,
     Work,
+    exponents_of,
     height,
     require_room,
 )

@@ -29,18 +29,19 @@ from service.dynamics.verdict.exact_ring.generators import (
     Divisor,
     Element,
     Exponential,
-    Nature,
-    Root,
-)
-from service.dynamics.verdict.exact_ring.layout import (
     Layout,
+    Nature,
     NoProofError,
+    Root,
     UndefinedInOctantError,
 )
 from service.dynamics.verdict.exact_ring.ring import Ring
-from service.dynamics.verdict.exact_ring.values import GeneratorValues
-from service.dynamics.verdict.ring_functions.fields import VectorFields
-from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra, in_large_enough_ring
+from service.dynamics.verdict.exact_ring.signs import GeneratorValues
+from service.dynamics.verdict.ring_functions.ring_algebra import (
+    RingAlgebra,
+    VectorFields,
+    in_large_enough_ring,
+)
 from service.dynamics.verdict.sphere.switches import Switches, needs_positive
 
 

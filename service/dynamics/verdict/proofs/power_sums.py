@@ -41,8 +41,8 @@ from service.dynamics.formula.algebras.monomials import (
     reduced,
     without_zeros,
 )
-from service.dynamics.formula.limits import MAX_BITS
 from service.dynamics.formula.tape import Tape
+from service.dynamics.formula.tree import MAX_BITS
 from service.dynamics.potentials.potential import NoClosedFormError, Potential
 from service.dynamics.verdict.proofs.energy_terms import EnergyTerms
 from service.dynamics.verdict.proofs.proof import Signs

@@ -21,7 +21,7 @@ from service.dynamics.formula.algebras.monomials import as_fraction
 from service.dynamics.verdict.exact_ring.generators import CosineOfTurn, Element, Root
 from service.dynamics.verdict.exact_ring.products import prime_powers
 from service.dynamics.verdict.exact_ring.ring import Ring
-from service.dynamics.verdict.exact_ring.values import GeneratorValues
+from service.dynamics.verdict.exact_ring.signs import GeneratorValues
 
 
 def rational_relation(numbers: Callable[[], list[arb]], count: int, bits: int) -> list[fmpq] | None:

@@ -29,8 +29,12 @@ from typing import Protocol
 from flint import fmpq_mpoly, fmpz
 
 from service.dynamics.formula.algebras.monomials import as_fraction
-from service.dynamics.verdict.exact_ring.generators import Element, Root
-from service.dynamics.verdict.exact_ring.layout import LayoutTooSmallError, UndefinedInOctantError
+from service.dynamics.verdict.exact_ring.generators import (
+    Element,
+    LayoutTooSmallError,
+    Root,
+    UndefinedInOctantError,
+)
 from service.dynamics.verdict.exact_ring.products import (
     SignedFactors,
     Splitting,

@@ -18,11 +18,12 @@ from service.dynamics.verdict.exact_ring.generators import (
     Cosine,
     Element,
     Exponential,
+    LayoutTooSmallError,
     Logarithm,
+    NoProofError,
     Root,
     Sine,
 )
-from service.dynamics.verdict.exact_ring.layout import LayoutTooSmallError, NoProofError
 from service.dynamics.verdict.exact_ring.products import Splitting, prime_powers
 from service.dynamics.verdict.exact_ring.ring import Ring
 from service.dynamics.verdict.ring_functions.algebraic_numbers import MAX_COSINE_ORDER, AlgebraicNumbers

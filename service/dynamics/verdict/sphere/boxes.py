@@ -1,13 +1,14 @@
-r"""Covers the sphere by boxes, and bounds the parts of a formula on each in outward-rounded doubles.
+r"""Rational points of the sphere, and boxes that cover it, with bounds of the parts of a formula on each.
 
 A box is a stretch of latitudes and one of angles about the second axis in one octant,
 g = (ε1 cos θ cos φ, ε2 sin θ, ε3 cos θ sin φ) with θ and φ from 0 to π/2: g1, g2 and g3 are monotonic
 in both.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from itertools import product
 from math import tan
 
@@ -17,10 +18,68 @@ from numpy.typing import NDArray
 from service.dynamics.formula.algebras.intervals import Interval, IntervalAlgebra
 from service.dynamics.formula.tape import Tape
 from service.dynamics.reduction.sign_proofs.bounds_in_doubles import QUARTER_TURN
-from service.dynamics.verdict.sphere.points import Point
+
+Point = tuple[Fraction, Fraction, Fraction]
+# (a, b, c, d) with a² + b² + c² = d² and no two ratios alike: in general
+# position to each other and to coordinate planes, diagonals and rational cones.
+_QUADRUPLES = (
+    (2, 6, 3, 7),
+    (4, 8, 1, 9),
+    (6, 2, 9, 11),
+    (12, 4, 3, 13),
+    (8, 9, 12, 17),
+    (6, 10, 15, 19),
+)
+_OCTANTS = (
+    (1, 1, 1),
+    (-1, 1, -1),
+    (1, -1, -1),
+    (-1, -1, 1),
+    (-1, 1, 1),
+    (1, 1, -1),
+    (1, -1, 1),
+    (-1, -1, -1),
+)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+
+def sphere_points() -> Iterator[Point]:
+    """Yield 48 points of moderate height, every octant among the first 8 and six times in all.
+
+    The k-th visit of an octant brings another quadruple, so that 8 successive
+    points do not lie on one cone.
+    """
+    return iter(_points_of_octants())
+
+
+@cache
+def _points_of_octants() -> tuple[Point, ...]:
+    found = []
+    for visit in range(len(_QUADRUPLES)):
+        for number, signs in enumerate(_OCTANTS):
+            a, b, c, d = _QUADRUPLES[(visit + number) % len(_QUADRUPLES)]
+            found.append((Fraction(signs[0] * a, d), Fraction(signs[1] * b, d), Fraction(signs[2] * c, d)))
+    return tuple(found)
+
+
+def fine_sphere_points(steps: int = 9) -> Iterator[Point]:
+    """Yield points all over the sphere, close to the axes too: for formulas that are defined on small parts.
+
+    Stereographic images of a grid of ``4 steps²`` points in the square
+    -1 < u, v < 1, from both ends of the first axis; no grid point is on an axis.
+    """
+    halves = [Fraction(2 * k + 1, 2 * steps) for k in range(steps)]
+    for u_size in halves:
+        for v_size in halves:
+            # A little more than v, to keep |g2| = |g3| out.
+            v_size += Fraction(1, 40 * steps)
+            norm = 1 + u_size**2 + v_size**2
+            first, second, third = (2 - norm) / norm, 2 * u_size / norm, 2 * v_size / norm
+            for signs in _OCTANTS:
+                yield (signs[0] * first, signs[1] * second, signs[2] * third)
+
 
 FIRST_STRETCHES = 8
 """Stretches of a quarter turn to begin with."""

@@ -15,8 +15,7 @@ from fractions import Fraction
 from flint import fmpq_mpoly
 
 from service.dynamics.formula.algebras.monomials import as_fraction
-from service.dynamics.formula.register_polynomials import RegisterPolynomials
-from service.dynamics.formula.rewriting import TapeBuilder, copied, with_signs
+from service.dynamics.formula.rewriting import RegisterPolynomials, TapeBuilder, copied, with_signs
 from service.dynamics.formula.tape import Instruction, Tape
 
 _ORDER = (1, 0, 2)
@@ -156,7 +155,7 @@ def needs_positive(instruction: Instruction) -> bool:
 
 def normalise(tape: Tape) -> Tape:
     """Return a tape with the same values wherever ``tape`` is smooth, see the module."""
-    builder, registers = TapeBuilder(tape.variables), _inputs(tape)
+    builder, registers = TapeBuilder(tape.variables), {k: k for k in range(len(tape.variables))}
     writer = _Writer(builder)
     for register, instruction in enumerate(tape.instructions, start=len(tape.variables)):
         left = registers.get(instruction.left, -1)
@@ -269,7 +268,3 @@ class _Writer:
 
 def _is_absolute(instruction: Instruction) -> bool:
     return instruction.operation == "call" and instruction.name == "abs"
-
-
-def _inputs(tape: Tape) -> dict[int, int]:
-    return {register: register for register in range(len(tape.variables))}

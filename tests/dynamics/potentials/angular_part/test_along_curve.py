@@ -7,8 +7,8 @@ from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.angular_part.along_curve import LoopCurve
-from service.dynamics.potentials.families.general import general_potential
 from service.dynamics.potentials.families.general_solution import AlongCurve, GeneralPotential, along_curve
+from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.geometry.loop import Loop, make_loop
 

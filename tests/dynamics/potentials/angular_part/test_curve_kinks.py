@@ -10,8 +10,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.potentials.angular_part import balls as angular_ball
-from service.dynamics.potentials.angular_part.balls import curve_pieces
-from service.dynamics.potentials.angular_part.curve_function import CurveFunction
+from service.dynamics.potentials.angular_part.balls import CurveFunction, curve_pieces
 
 PLACES = [("0.4", "0.6"), ("0.7", "0.1"), ("0.05", "0.9"), ("-0.3", "0.5")]
 

@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import EqualMomentsError
-from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
+from service.dynamics.formula.algebras.ball import ComplexBallAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.potentials.angular_part.balls import angular_balls, curve_ball
-from service.dynamics.potentials.angular_part.curve_function import CurveFunction
+from service.dynamics.potentials.angular_part.balls import CurveFunction, angular_balls, curve_ball
 from service.dynamics.potentials.angular_part.field import curve_parameter
 from tests.support.effort import examples
 from tests.support.witnesses.angular_part import angular_part

@@ -6,9 +6,7 @@ import pytest
 from flint import acb, arb, ctx
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.angular_part.balls import angular_balls
-from service.dynamics.potentials.angular_part.curve_function import CurveFunction
-from service.dynamics.potentials.angular_part.powers import powers_of
+from service.dynamics.potentials.angular_part.balls import CurveFunction, angular_balls, powers_of
 from tests.dynamics.potentials.angular_part.test_doubles import curve_function
 from tests.support.effort import each_once
 

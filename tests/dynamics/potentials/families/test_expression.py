@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from service.dynamics.body import RigidBody
-from service.dynamics.errors import MissingMomentError
-from service.dynamics.formula.errors import FormulaError, FormulaLimitError, UnknownNameError
-from service.dynamics.potentials.families.expression import (
+from service.dynamics.errors import FormulaError, FormulaLimitError, MissingMomentError, UnknownNameError
+from service.dynamics.formula.parameters import RESERVED_NAMES, ParameterNameError
+from service.dynamics.potentials.families.written import (
     expression_potential,
 )
-from service.dynamics.potentials.terms.bound_formula import RESERVED_NAMES, ParameterNameError
 
 BODY = RigidBody(Fraction(2), None, Fraction(1))
 WITH_B = RigidBody(Fraction(2), Fraction(3, 2), Fraction(1))

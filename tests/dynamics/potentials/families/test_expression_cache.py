@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from service.dynamics.body import RigidBody
-from service.dynamics.formula.errors import FormulaError
-from service.dynamics.potentials.families import expression
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.errors import FormulaError
+from service.dynamics.potentials.families import written
+from service.dynamics.potentials.families.written import expression_potential
 
 TEXT = "a*g1 + b/g3^2 + A*g2"
 numbers = st.fractions(-3, 3, max_denominator=50)
@@ -18,10 +18,10 @@ numbers = st.fractions(-3, 3, max_denominator=50)
 @given(numbers, numbers, st.fractions(1, 3, max_denominator=9))
 def test_what_is_kept_is_what_is_read(a, b, moment):
     body, parameters = RigidBody(moment, None, Fraction(1)), {"a": a, "b": b}
-    expression._made.cache_clear()
+    written._made.cache_clear()
     read = expression_potential(TEXT, parameters, body)
     kept = expression_potential(TEXT, parameters, body)
-    assert expression._made.cache_info().hits == 1
+    assert written._made.cache_info().hits == 1
     assert (kept, kept.tree, kept.tape) == (read, read.tree, read.tape)
     assert kept.tape is not read.tape
     assert kept.tape.programs is not read.tape.programs

@@ -12,18 +12,23 @@ from scipy.integrate import solve_ivp
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.compatibility import residual_of
 from service.dynamics.equations.euler_poisson import energy_integral, euler_poisson_rhs
-from service.dynamics.errors import DynamicsError, EqualMomentsError, MissingMomentError
-from service.dynamics.formula.errors import FormulaError, UnknownNameError
+from service.dynamics.errors import (
+    DynamicsError,
+    EqualMomentsError,
+    FormulaError,
+    MissingMomentError,
+    UnknownNameError,
+)
+from service.dynamics.formula.parameters import ParameterNameError
 from service.dynamics.potentials.angular_part.balls import curve_ball
-from service.dynamics.potentials.families.general import (
+from service.dynamics.potentials.families.general_solution import QUADRANTS, GeneralPotential
+from service.dynamics.potentials.families.written import (
     FormulaText,
     QuadrantError,
     ReferenceAngleError,
     general_potential,
 )
-from service.dynamics.potentials.families.general_solution import QUADRANTS, GeneralPotential
 from service.dynamics.potentials.potential import NoClosedFormError
-from service.dynamics.potentials.terms.bound_formula import ParameterNameError
 from service.dynamics.problem import PlanarMotion
 from tests.support.heyoka_integrator import HeyokaIntegrator
 from tests.support.planar import body, planar

@@ -8,8 +8,8 @@ import mpmath
 import pytest
 from flint import arb, ctx, fmpq
 
-from service.dynamics.potentials.families.general import FormulaText, general_potential
 from service.dynamics.potentials.families.general_formula import formula_of
+from service.dynamics.potentials.families.written import FormulaText, general_potential
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.verdict.simple_form import is_simplified, simplified
 from service.jobs.records import Solved

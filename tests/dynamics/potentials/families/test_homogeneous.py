@@ -8,21 +8,19 @@ import sympy
 from flint import arb, ctx
 
 from service.dynamics.equations.compatibility import pde_residual
-from service.dynamics.errors import EqualMomentsError
+from service.dynamics.errors import EqualMomentsError, FormulaLimitError
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.errors import FormulaLimitError
-from service.dynamics.potentials.families.homogeneous import (
+from service.dynamics.potentials.families.coefficients import (
     B_term,
     C_term,
     UndefinedTermError,
     energy_of_B,
     energy_of_C,
     homogeneous_potential,
+    rational_potential,
     refusals,
 )
-from service.dynamics.potentials.families.rational import rational_potential
-from service.dynamics.potentials.terms.logarithmic import NoLogTermError
-from service.dynamics.potentials.terms.powers import MAX_TERMS, TooManyTermsError
+from service.dynamics.potentials.terms import MAX_TERMS, NoLogTermError, TooManyTermsError
 from tests.support.planar import body
 
 ALPHA, Z = sympy.symbols("alpha z", positive=True)

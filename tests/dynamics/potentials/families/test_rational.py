@@ -13,7 +13,7 @@ from service.dynamics.formula.algebras.symbolic import real_symbols, sympy_expre
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.formula.tree import VARIABLES
-from service.dynamics.potentials.families.rational import (
+from service.dynamics.potentials.families.coefficients import (
     RationalBodyError,
     U_term,
     W_term,
@@ -21,7 +21,7 @@ from service.dynamics.potentials.families.rational import (
     require_rational_body,
 )
 from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.powers import MAX_TERMS, TooManyTermsError, monomial_sum
+from service.dynamics.potentials.terms import MAX_TERMS, TooManyTermsError, monomial_sum
 from tests.support.effort import each_once
 
 BODY = RigidBody(Fraction(2), None, Fraction(1))

@@ -9,8 +9,8 @@ from flint import arb, ctx
 from service.dynamics.formula.algebras.ball import BallAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
-from service.dynamics.potentials.families.homogeneous import homogeneous_potential
-from service.dynamics.potentials.terms.logarithmic import (
+from service.dynamics.potentials.families.coefficients import homogeneous_potential
+from service.dynamics.potentials.terms import (
     NoLogTermError,
     energy_of_log,
     log_term,

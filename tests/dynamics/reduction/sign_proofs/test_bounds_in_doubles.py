@@ -15,11 +15,11 @@ from service.dynamics.reduction.sign_proofs.bounds_in_doubles import (
     QUARTER_TURN,
     Cells,
     Loops,
+    equators,
     have_no_motion,
     radicand_signs,
     shape_of,
 )
-from service.dynamics.reduction.sign_proofs.equators import equators
 from service.dynamics.reduction.windows import find_windows
 from tests.support.admissible import cases
 from tests.support.effort import examples

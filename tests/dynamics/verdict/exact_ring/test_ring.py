@@ -9,8 +9,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.equations.compatibility import residual_ball
+from service.dynamics.errors import FormulaError
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.verdict.exact_ring.generators import (
     CircleConstant,
     Coordinate,
@@ -19,19 +19,16 @@ from service.dynamics.verdict.exact_ring.generators import (
     Divisor,
     Element,
     Exponential,
-    Logarithm,
-    Root,
-    Sine,
-)
-from service.dynamics.verdict.exact_ring.layout import (
     Layout,
     LayoutTooSmallError,
+    Logarithm,
     NoProofError,
+    Root,
+    Sine,
     UndefinedInOctantError,
 )
 from service.dynamics.verdict.exact_ring.ring import Ring
-from service.dynamics.verdict.ring_functions.fields import VectorFields
-from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra
+from service.dynamics.verdict.ring_functions.ring_algebra import RingAlgebra, VectorFields
 from tests.dynamics.verdict.formulas import body, potential
 from tests.support.effort import examples
 

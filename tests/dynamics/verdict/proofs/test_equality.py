@@ -3,7 +3,7 @@
 import pytest
 
 from service.dynamics.formula.parser import parse
-from service.dynamics.verdict.proofs.equality import is_same_function
+from service.dynamics.verdict.proofs.proof import is_same_function
 
 SPHERE = {"g1": 0, "g2": 0, "g3": 0}
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from service.dynamics.equations.compatibility import residual_ball
 from service.dynamics.formula.algebras.real import RealAlgebra
-from service.dynamics.verdict.sphere.pieces import find_pieces
+from service.dynamics.verdict.piecewise import find_pieces
 from service.dynamics.verdict.sphere.switches import Switches, find_switches, normalise
 from service.dynamics.verdict.verdict import UndefinedPotentialError
 from tests.dynamics.verdict.formulas import body, potential, verdict_on

@@ -6,7 +6,7 @@ import mpmath as mp
 import pytest
 from flint import acb, arb, ctx
 
-from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.problem import PlanarMotion, StartAtEquator
 from service.dynamics.reduction.geometry.loop import make_loop
 from tests.support.effort import seldom

@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion, StartAtRest
-from service.dynamics.reduction.start import StartingPoint
+from service.dynamics.reduction.window import StartingPoint
 from service.dynamics.reduction.windows import SeveralWindowsError
 from tests.support.admissible import Case, cases, with_periodic_window
 from tests.support.effort import examples, seldom

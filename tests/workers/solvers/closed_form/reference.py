@@ -5,7 +5,7 @@ from fractions import Fraction
 import mpmath as mp
 import numpy as np
 
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition import ThreeTerms
 
 
 def exact(value):

@@ -4,7 +4,7 @@ import pytest
 from flint import arb, ctx
 from scipy.integrate import quad
 
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.recognition import ThreeTerms
 from tests.support.planar import body
 from tests.support.witnesses.collision import NoCollisionError, collision_time
 from workers.solvers.three_terms import RootsUndecidedError, intervals, make_curve

@@ -7,8 +7,8 @@ from flint import arb, ctx
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.potentials.families.rational import rational_potential
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.families.coefficients import rational_potential
+from service.dynamics.potentials.recognition import ThreeTerms
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
 from tests.support.effort import examples

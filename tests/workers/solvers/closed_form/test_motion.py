@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from flint import arb, ctx
 
-from service.dynamics.potentials.families.gravity import gravity_potential
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms
+from service.dynamics.potentials.families.coefficients import gravity_potential
+from service.dynamics.potentials.recognition import ThreeTerms
 from service.dynamics.problem import PlanarMotion, StartAtEquator, StartAtPoint, StartAtRest
-from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
 from tests.support.effort import each_once
 from tests.support.golden import GOLDEN

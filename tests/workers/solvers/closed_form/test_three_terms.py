@@ -4,10 +4,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.dynamics.potentials.families.gravity import gravity_potential
-from service.dynamics.potentials.families.homogeneous import homogeneous_potential
-from service.dynamics.potentials.families.rational import rational_potential
-from service.dynamics.potentials.recognition.three_terms import ThreeTerms, recognise
+from service.dynamics.potentials.families.coefficients import (
+    gravity_potential,
+    homogeneous_potential,
+    rational_potential,
+)
+from service.dynamics.potentials.recognition import ThreeTerms, recognise
 from tests.support.effort import examples
 from tests.support.planar import body, formula
 

@@ -14,7 +14,7 @@ from service.dynamics.problem import (
     StartAtRest,
     TimeSpan,
 )
-from service.dynamics.reduction.start import StartNeededError, StartOutsideWindowError
+from service.dynamics.reduction.window import StartNeededError, StartOutsideWindowError
 from service.dynamics.reduction.windows import find_windows
 from tests.support.admissible import cases, coefficient, sampled_cases, sampled_fraction
 from tests.support.effort import each_once, examples

@@ -9,7 +9,7 @@ import pytest
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.euler_poisson import energy_integral, euler_poisson_rhs
 from service.dynamics.motion import COLUMNS
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.solution.dense_output import DenseOutput
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.compiled.evaluation.interpreter import new_registers

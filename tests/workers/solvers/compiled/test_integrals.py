@@ -8,7 +8,7 @@ from flint import arb, ctx
 
 from service.dynamics.equations.euler_poisson import kinetic_energy
 from service.dynamics.further_integrals import FurtherIntegral, integral_drift
-from service.dynamics.potentials.families.general import general_potential
+from service.dynamics.potentials.families.written import general_potential
 from tests.support.planar import body, formula
 from workers.solvers.compiled.evaluation.program import make_program, rests_of
 from workers.solvers.compiled.integrals import (

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from tests.support.effort import examples
 from tests.support.heyoka_integrator import HEYOKA
 from tests.workers.solvers.integration.cases import NAMES, reference

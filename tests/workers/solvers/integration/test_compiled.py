@@ -7,7 +7,7 @@ import pytest
 
 from service.dynamics.defect.evidence import check_residual
 from service.dynamics.motion import COLUMNS, Estimate
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.dynamics.solution.dense_output import DenseOutput
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.integration import compiled

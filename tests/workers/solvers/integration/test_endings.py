@@ -8,8 +8,8 @@ import pytest
 
 from service.dynamics.body import RigidBody
 from service.dynamics.errors import MissingMomentError
-from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential
+from service.dynamics.potentials.families.written import expression_potential
 from tests.support.heyoka_integrator import HEYOKA
 from tests.workers.solvers.integration.cases import BODY, NAMES, planar_state
 from workers.solvers.errors import (

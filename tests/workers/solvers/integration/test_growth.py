@@ -9,7 +9,7 @@ from scipy.linalg import expm
 
 from service.dynamics.body import RigidBody
 from service.dynamics.defect.equations import Equations
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from service.schemas.sweep.reading import read_sweep
 from tests.support import doubled_series
 from tests.workers.solvers.integration.cases import BODY

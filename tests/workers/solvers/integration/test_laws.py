@@ -8,8 +8,8 @@ from scipy.special import ellipj
 
 from service.dynamics.body import RigidBody
 from service.dynamics.equations.euler_poisson import areas_integral, energy_integral, geometric_integral
-from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential
+from service.dynamics.potentials.families.written import expression_potential
 from tests.support.heyoka_integrator import HEYOKA
 from tests.workers.solvers.integration.cases import BODY, NAMES, golden_states
 from workers.solvers.integration.interface import joined

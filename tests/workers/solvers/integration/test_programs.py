@@ -3,8 +3,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from service.dynamics.potentials.families.expression import expression_potential
-from service.dynamics.potentials.families.rational import rational_potential
+from service.dynamics.potentials.families.coefficients import rational_potential
+from service.dynamics.potentials.families.written import expression_potential
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.compiled.evaluation.program import numbers_of
 from workers.solvers.integration.programs import Line, gradient_function, shared_gradient

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from tests.support.heyoka_integrator import HeyokaIntegrator, heyoka_integrator
 from tests.workers.solvers.integration.cases import BODY
 from workers.solvers.integration.compiled import CompiledIntegrator

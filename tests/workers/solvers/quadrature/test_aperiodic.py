@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from service.dynamics.problem import PlanarMotion, StartAtPoint, TimePeriods, TimeSpan
-from service.dynamics.reduction.start import StartNeededError
-from service.dynamics.reduction.window import LeavesDomainError
+from service.dynamics.reduction.window import LeavesDomainError, StartNeededError
 from service.dynamics.sampling import PeriodNeededError
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from service.dynamics.motion import COLUMNS
-from service.dynamics.potentials.families.general import general_potential
-from service.dynamics.potentials.families.gravity import gravity_potential
+from service.dynamics.potentials.families.coefficients import gravity_potential
+from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from service.dynamics.solution.dense_output import Period
 from tests.support.golden import GOLDEN, Golden

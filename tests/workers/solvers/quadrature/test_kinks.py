@@ -7,13 +7,12 @@ from itertools import pairwise
 import pytest
 from flint import acb, arb, ctx
 
-from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.algebras.complex_ball import ComplexBallAlgebra
+from service.dynamics.formula.algebras.ball import BallAlgebra, ComplexBallAlgebra
 from service.dynamics.formula.parser import parse
 from service.dynamics.formula.rewriting import with_sides
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import starting_point
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula
 from workers.solvers.orbits.orbit import make_orbit

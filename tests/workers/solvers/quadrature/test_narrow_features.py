@@ -17,7 +17,7 @@ import pytest
 from flint import acb, arb, ctx
 
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import starting_point
 from service.dynamics.reduction.windows import find_windows
 from tests.support.planar import body, formula, planar
 from workers.solvers.choose import find_motion

@@ -10,7 +10,7 @@ import pytest
 from flint import acb, arb, ctx
 
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.start import starting_point
+from service.dynamics.reduction.window import starting_point
 from service.dynamics.reduction.windows import choose_window, find_windows
 from service.dynamics.solution.dense_output import EPSILON
 from tests.support.planar import body, formula

@@ -8,8 +8,7 @@ from flint import acb, arb, ctx, fmpq
 from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import PlanarMotion
-from service.dynamics.reduction.start import StartingPoint, starting_point
-from service.dynamics.reduction.window import Window
+from service.dynamics.reduction.window import StartingPoint, Window, starting_point
 from service.dynamics.reduction.windows import REDUCTION_BITS, choose_window, find_windows
 from service.dynamics.solution.dense_output import Period
 from tests.support.planar import Exact, body, formula

@@ -9,7 +9,7 @@ import pytest
 from flint import arb, arb_mat, ctx
 
 from service.dynamics.formula.algebras.ball import ball
-from service.dynamics.solution.ball_columns import exact_middle
+from service.dynamics.solution.dense_output import exact_middle
 from service.jobs.records import Solved
 from service.schemas.problem.problem import read_problem
 from service.schemas.replies.solution_text import describe_solution

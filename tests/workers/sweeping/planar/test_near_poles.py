@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from service.dynamics.body import RigidBody
-from service.dynamics.potentials.families.expression import expression_potential
+from service.dynamics.potentials.families.written import expression_potential
 from workers.solvers.compiled.evaluation.program import make_program
 from workers.sweeping.planar.exclusions import keep_their_sign, slopes_along
 

@@ -18,7 +18,7 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
-from service.dynamics.solution.ball_columns import exact_middle
+from service.dynamics.solution.dense_output import exact_middle
 from workers.solvers.certified.certify import ALLOWED_BITS, HIGHEST_PRECISION, is_narrow
 from workers.solvers.certified.validated.step import (
     ROUND_UP,

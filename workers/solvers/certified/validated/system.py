@@ -18,8 +18,8 @@ from service.dynamics.defect.equations import rates_at, value_and_gradient
 from service.dynamics.formula.algebra import Algebra
 from service.dynamics.formula.algebras.ball import BallAlgebra, ball
 from service.dynamics.formula.algebras.jets import FirstOrderJets
+from service.dynamics.formula.programs import Traced, Tracer
 from service.dynamics.formula.tape import Instruction, Operation, Tape
-from service.dynamics.formula.traces import Traced, Tracer
 
 T = TypeVar("T")
 Rule = Callable[[int], arb]

@@ -11,7 +11,7 @@ from operator import add, mul, sub, truediv
 import numpy as np
 from numpy.typing import NDArray
 
-from service.dynamics.defect.stretches import DEFAULT_INTERVALS, ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
+from service.dynamics.defect.accumulation import DEFAULT_INTERVALS, ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
 from service.dynamics.equations.euler_poisson import FourOperations, integrals_in, rates_in
 from service.dynamics.motion import COLUMNS
 from service.dynamics.solution.dense_output import chebyshev_coefficients, chebyshev_points

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from service.dynamics.body import RigidBody
+from service.dynamics.defect.accumulation import ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
 from service.dynamics.defect.evidence import MIN_TRUNCATION, TRUNCATION_SHARE, ResidualEvidence
-from service.dynamics.defect.stretches import ELLIPSE_RHO, SERIES_RELATIVE_ROUNDING
 from service.dynamics.equations.euler_poisson import moments_of
 from service.dynamics.identity_cache import IdentityCache
 from service.dynamics.motion import Estimate

@@ -1,19 +1,26 @@
-"""The general family: builds V = V1[F] + Q G(g2) from a client's formulas for F and G."""
+"""Potentials of a client's formulas: V itself, or F and G of the general family, V = V1[F] + Q G(g2)."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 from fractions import Fraction
+from functools import lru_cache
 
 from flint import arb, ctx
 
 from service.dynamics.body import RigidBody
-from service.dynamics.errors import DynamicsError
+from service.dynamics.errors import DynamicsError, FormulaError
 from service.dynamics.formula.algebras.ball import BallAlgebra
-from service.dynamics.formula.printer import exact_tree, format_tree
+from service.dynamics.formula.parameters import (
+    ParameterNameError,
+    bind,
+    bound_formula,
+    require_parameter_names,
+)
+from service.dynamics.formula.parser import LocatedTree, parse, parse_located
 from service.dynamics.formula.rewriting import known_at_poles
 from service.dynamics.formula.tape import Tape, compile_tape
-from service.dynamics.formula.tree import Binary, Symbol, Tree
-from service.dynamics.potentials.angular_part.curve_function import CurveFunction
+from service.dynamics.formula.tree import Binary, Symbol, Tree, exact_tree, format_tree, post_order
+from service.dynamics.potentials.angular_part.balls import CurveFunction
 from service.dynamics.potentials.angular_part.field import AngularField
 from service.dynamics.potentials.families.general_solution import (
     FAMILY,
@@ -22,16 +29,63 @@ from service.dynamics.potentials.families.general_solution import (
     Piece,
     Quadrant,
 )
-from service.dynamics.potentials.potential import Potential
-from service.dynamics.potentials.terms.bound_formula import (
-    ParameterNameError,
-    bound_formula,
-    require_parameter_names,
-)
+from service.dynamics.potentials.potential import FormulaPotential, Potential
+
+EXPRESSION_POINTER = "/potential/expression"
+FORMULAS_CACHED = 64
+"""Formulas that are remembered with their parameters and moments: lists and sweeps ask for the same ones."""
+
+
+def expression_potential(text: str, parameters: Mapping[str, Fraction], body: RigidBody) -> Potential:
+    """Return the potential of a formula in g1, g2, g3, the parameters and the moments A, B, C.
+
+    Raises
+    ------
+    FormulaError
+        The text is not a formula, is too large, has an unknown name or a
+        constant without a value; the pointer is EXPRESSION_POINTER.
+    ParameterNameError
+        A parameter cannot have its name.
+    MissingMomentError
+        The formula has B, and the body does not.
+    """
+    require_parameter_names(parameters)
+    try:
+        return _made(text, tuple(parameters.items()), body).alone()
+    except FormulaError as error:
+        raise error.at(pointer=EXPRESSION_POINTER) from error
+
+
+@lru_cache(maxsize=FORMULAS_CACHED)
+def _made(text: str, parameters: tuple[tuple[str, Fraction], ...], body: RigidBody) -> FormulaPotential:
+    numbers = {"A": body.A, "B": body.B, "C": body.C, **dict(parameters)}
+
+    def symbol(name: str) -> Tree:
+        number = numbers.get(name)
+        return Symbol(name) if number is None else exact_tree(number)
+
+    try:
+        return Potential.from_tree(parse(text, symbol), "expression")
+    except FormulaError:
+        # Where it is at fault is not known of a formula whose names are numbers already.
+        located = parse_located(text)
+        constants = dict(parameters) | _moments(located, body)
+        bind(located.tree, constants, positions=located.positions)
+        raise
+
+
+def _moments(located: LocatedTree, body: RigidBody) -> dict[str, Fraction]:
+    """Return the moments that are known, insisting on B where the formula has it."""
+    moments = {"A": body.A, "C": body.C}
+    if any(isinstance(node, Symbol) and node.name == "B" for node in post_order(located.tree)):
+        moments["B"] = body.require_B("the formula")
+    elif body.B is not None:
+        moments["B"] = body.B
+    return moments
+
 
 FormulaText = str | Mapping[Quadrant, str]
 """One formula for all quadrants, or one for each."""
-
 _ANGLE_BITS = 128
 
 

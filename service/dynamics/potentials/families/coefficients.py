@@ -1,6 +1,7 @@
-"""The homogeneous potentials of any A ≠ C: terminating hypergeometric series on |g1| and |g3|.
+"""Families given by coefficients: a uniform field, homogeneous potentials, rational ones for A = 2C.
 
-With α = A/C and v = 1 + g3²/g1² (H. M. Yehia, the last formula of the paper),
+The homogeneous potentials are terminating hypergeometric series on |g1| and |g3|. With α = A/C and
+v = 1 + g3²/g1² (H. M. Yehia, the last formula of the paper),
 
     B_n = |g1|^(2(α-1)(n+1)/α) 2F1(-n, -(α-1)(n+1)/α; 1-n+(n+1)/α; v),
     C_n = g1^(2n) |g3|^(-2(αn+α-1)) 2F1(2, -n; α+1+(α-1)n; v),
@@ -12,38 +13,45 @@ B_n has no value for α = (n+1)/m with m = 1, …, n-1, where a denominator of t
 series vanishes; for m = n, which the paper does not except, it is a multiple of
 A g1² + C g3² and nothing new beside A_0. Where A < C the same happens to C_n
 at 1/α. The logarithmic solution with the same index fills the gap.
+
+The rational potentials are Laurent polynomials with H = Σ powers of nu = g3²/g1: with Gauss's series,
+
+    U_n = g1^(2n-1) 2F1(1/2-n, 2-2n; 5/2-n; v),             H[U_n] = (n-3/2) nu^(2n-1),
+    W_n = g1^(2n-2) g3^-(4n-2) 2F1(2, 1-n; 2+n; v),         H[W_n] = -(n+1) nu^(-2n).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from math import comb
 
 from service.dynamics.body import RigidBody
-from service.dynamics.errors import DynamicsError
+from service.dynamics.errors import DynamicsError, FormulaError
 from service.dynamics.formula.algebras.monomials import weighted_sum
-from service.dynamics.formula.errors import FormulaError
 from service.dynamics.formula.tree import Binary, Tree
 from service.dynamics.potentials.potential import Notice, Potential
-from service.dynamics.potentials.terms.logarithmic import (
-    NoLogTermError,
-    log_term,
-    multiplicity,
-    require_multiplicity,
-)
-from service.dynamics.potentials.terms.powers import (
+from service.dynamics.potentials.terms import (
     MAX_TERMS,
     Coefficients,
+    Exponents,
+    NoLogTermError,
     PowerSum,
     Ratio,
     TooManyTermsError,
     about_one,
     exchanged,
+    log_term,
     monomial_sum,
+    multiplicity,
     power_terms,
+    require_multiplicity,
     scaled,
     total,
 )
 
-FAMILY = "homogeneous"
+
+def gravity_potential(a: Fraction, b: Fraction, c: Fraction) -> Potential:
+    """Return V = a g1 + b g2 + c g3."""
+    return Potential.from_tree(monomial_sum({(1, 0, 0): a, (0, 1, 0): b, (0, 0, 1): c}), "gravity")
 
 
 class UndefinedTermError(DynamicsError):
@@ -90,7 +98,7 @@ def homogeneous_potential(
     if any(A):
         terms.insert(0, _multiple_of_Q(body, A))
     try:
-        return Potential.from_tree(total(terms), FAMILY, tuple(_notices(alpha, B, C)))
+        return Potential.from_tree(total(terms), "homogeneous", tuple(_notices(alpha, B, C)))
     except FormulaError as error:
         raise error.at(pointer="/potential") from error
 
@@ -177,3 +185,68 @@ def _multiple_of_Q(body: RigidBody, A: Coefficients) -> Tree:
             return scaled(only, [monomial_sum({(0, n, 0): Fraction(1)}), Q])
         case several:
             return Binary("*", Q, monomial_sum({(0, n, 0): coefficient for n, coefficient in several}))
+
+
+Laurent = dict[Exponents, Fraction]
+
+
+class RationalBodyError(DynamicsError):
+    """The rational family needs A = 2C."""
+
+    code = "rational_needs_double_moment"
+
+
+def require_rational_body(body: RigidBody) -> None:
+    """Raise RationalBodyError unless A = 2C."""
+    if body.A != 2 * body.C:
+        raise RationalBodyError(
+            f"A = {body.A} and C = {body.C}: the rational family needs A = 2C", pointer="/body"
+        )
+
+
+def rational_potential(a: Sequence[Fraction], b: Sequence[Fraction], c: Sequence[Fraction]) -> Potential:
+    """Return V = Σ a_n-terms + Σ b_n-terms + Σ c_k-terms, indices from 1.
+
+    a_n multiplies U_n, a_3 multiplies -U_3 (the paper's sign, with its misprint
+    in g3^8/g1^3 corrected); b_n multiplies Catalan(n) W_n; c_1 multiplies
+    g1² - g2², and c_k for k ≥ 2 multiplies g2^(2k-2) (2 g1² + g3²).
+
+    Raises
+    ------
+    TooManyTermsError
+        A list is longer than MAX_TERMS; the pointer names it.
+    """
+    terms: list[tuple[Fraction, Laurent]] = []
+    for name, coefficients, term in (("a", a, _a_term), ("b", b, _b_term), ("c", c, _c_term)):
+        if len(coefficients) > MAX_TERMS:
+            raise TooManyTermsError(name, len(coefficients))
+        terms += [(weight, term(n)) for n, weight in enumerate(coefficients, start=1) if weight]
+    return Potential.from_tree(monomial_sum(weighted_sum(terms)), "rational")
+
+
+def U_term(n: int) -> Laurent:
+    """Return U_n, n ≥ 1: degree 2n-1."""
+    factors = about_one(Fraction(1, 2) - n, 2 - 2 * n, Fraction(5, 2) - n, 2 * n - 1, Fraction(1))
+    return {(2 * n - 1 - 2 * k, 0, 2 * k): factor for k, factor in enumerate(factors)}
+
+
+def W_term(n: int) -> Laurent:
+    """Return W_n, n ≥ 1: degree -2n."""
+    factors = about_one(2, 1 - n, 2 + n, n, Fraction(1))
+    return {(2 * n - 2 - 2 * k, 0, 2 * k - 4 * n + 2): factor for k, factor in enumerate(factors)}
+
+
+def _a_term(n: int) -> Laurent:
+    sign = -1 if n == 3 else 1
+    return {exponents: sign * factor for exponents, factor in U_term(n).items()}
+
+
+def _b_term(n: int) -> Laurent:
+    catalan = comb(2 * n, n) // (n + 1)
+    return {exponents: catalan * factor for exponents, factor in W_term(n).items()}
+
+
+def _c_term(k: int) -> Laurent:
+    if k == 1:
+        return {(2, 0, 0): Fraction(1), (0, 2, 0): Fraction(-1)}
+    return {(2, 2 * k - 2, 0): Fraction(2), (0, 2 * k - 2, 2): Fraction(1)}

@@ -1,1 +1,0 @@
-"""Recognises properties of a potential that allow faster or more exact methods."""
