@@ -32,12 +32,10 @@ from service.settings import Settings
 from service.storage.database.cached_reads import CachedReads
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import JobStore
-from service.storage.jobs.worker_registry import WorkersState
-from service.storage.solutions.audit_store import AuditStore
-from service.storage.solutions.result_store import ResultStore
+from service.storage.solutions.result_store import AuditStore, ResultStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
-from service.storage.upkeep.presence import ServicePresence
+from service.storage.upkeep.presence import ServicePresence, WorkersState
 
 Checks = tuple[dict[str, str], WorkersState, Kernels | None, ClusterState | None]
 """The faults of the parts, the workers, the kernels that they lack, the cluster on which they compute."""

@@ -13,9 +13,9 @@ from pydantic.json_schema import models_json_schema
 from service.api.keys.access import ACCESS, OPEN
 from service.api.replies.errors import MEDIA_TYPE, ApiError
 from service.api.replies.responses import VOLATILE, refusals
-from service.schemas.atlas.reading import AtlasIn
+from service.schemas.atlas.documents import AtlasIn
 from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
-from service.schemas.reading.annotation_in import MarksPatchIn
+from service.schemas.problem.sections import MarksPatchIn
 from service.schemas.reading.documents import Document, Fault
 from service.schemas.replies.job import ProblemDetailsOut
 from service.schemas.study.reading import MODELS as STUDIES

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 from typer.core import TyperCommand
 
-from service.local.worker_process import worker_command
+from service.local.workers import worker_command
 from service.stopping import hold_signals
 from service.terminal import say
 

@@ -30,7 +30,7 @@ from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.own_curve import require_proof_on_arc
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
-from service.schemas.problem.questions import Question, trusted_question
+from service.schemas.problem.problem import Question, trusted_question
 from service.schemas.problem.trusted import centre_of, trusted_problem
 from service.schemas.reading.documents import Document, Part
 from service.verdicts.cached import Keys, ResultCache, verdict_deadline

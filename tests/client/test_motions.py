@@ -17,7 +17,7 @@ from polhode.clients import Operations
 from polhode.motions import Motion
 from polhode.studies import Questions
 from polhode.sweeps import Sweep
-from polhode.transport.steps import operation
+from polhode.transport.terms import operation
 from polhode.verdicts import Judgement
 from service.dynamics.equations.orientation import trajectory_columns, trajectory_errors
 from service.dynamics.solution.dense_output import Advance, DenseOutput, Period

@@ -30,9 +30,9 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from service.jobs.chunking import Range
 from service.jobs.kernels import FASTER, KERNELS, Kernels, Way, way_of_sweep
-from service.local.worker_process import why_no_folder
+from service.jobs.queue import Range
+from service.local.workers import why_no_folder
 from service.sandbox import Sandbox
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.reading import read_sweep

@@ -26,7 +26,7 @@ from service.dynamics.solution.dense_output import DenseOutput
 from service.dynamics.verdict.simple_form import simplified
 from service.jobs.kernels import NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
-from service.local.worker_process import why_no_folder
+from service.local.workers import why_no_folder
 from service.schemas.problem.problem import choose_tier, place_sent, read_problem, window_of, with_tier
 from service.schemas.problem.trusted import trusted_problem
 from service.schemas.reading.documents import Document, Part

@@ -31,7 +31,7 @@ from typing import Protocol
 
 from service.jobs.kernels import KERNELS, ClusterState, Kernels
 from service.local.wakeup import WorkerSocket
-from service.local.worker_process import worker_command
+from service.local.workers import worker_command
 from service.sandbox import (
     Sandbox,
     SandboxCrashError,

@@ -15,14 +15,14 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from service.jobs.kernels import ClusterState, Kernels, Outlook
 from service.local.wakeup import WARM, WorkerSocket
-from service.local.worker_process import WorkerProcess, new_worker_name, this_host
+from service.local.workers import WorkerProcess, new_worker_name, this_host
 from service.logs import Complaints, about
 from service.settings import Settings
 from service.stopping import StopAsked
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import JobStore
-from service.storage.jobs.worker_registry import WorkerRegistry
+from service.storage.upkeep.presence import WorkerRegistry
 from workers.process.pool import Pool
 from workers.process.results import JobLimits
 from workers.process.runner import WATCH_SECONDS, Runner
@@ -70,7 +70,7 @@ class Presence:
     def keep(self, *, is_warm: bool, kernels: Kernels | None) -> None:
         """Renew the row if it is time, or if it is news that this worker is warm, or how far kernels are.
 
-        The first time raises what :meth:`~service.storage.jobs.worker_registry.WorkerRegistry.enter` raises.
+        The first time raises what :meth:`~service.storage.upkeep.presence.WorkerRegistry.enter` raises.
         """
         if not self._has_entered:
             self._registry.enter(self._worker, alone=self._alone)

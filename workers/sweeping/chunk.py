@@ -32,7 +32,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from service.jobs.records import Refused, SolveOutcome
-from service.local.worker_process import own_host
+from service.local.workers import own_host
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.sweep import kept_numbers
 from service.storage.codecs.packing import decode_arrays

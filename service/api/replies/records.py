@@ -6,7 +6,7 @@ from service.schemas.reading.documents import Document
 from service.schemas.replies.job import JobOut
 from service.schemas.replies.solution import AuditOut, ComparisonOut, SolutionOut
 from service.schemas.replies.sweep import SweepOut, SweepStateOut
-from service.storage.solutions.audit_store import Audit
+from service.storage.solutions.result_store import Audit
 from service.storage.solutions.solution_store import Solution
 
 _ADDED_LATER: Document = {

@@ -7,13 +7,12 @@ from fastapi import APIRouter, Depends, Request, Response
 
 from service.api.dependencies import Inside
 from service.api.middleware.heavy_answers import heavy
-from service.api.queries.analysis import FacetsQuery, StatisticsQuery, read_facets, read_statistics
-from service.api.queries.lists import estimate_of
+from service.api.queries.lists import FacetsQuery, StatisticsQuery, estimate_of, read_facets, read_statistics
 from service.api.queries.points import vocabulary_of
 from service.api.queries.queries import Asked, asked_of, query_parameters
 from service.api.replies.responses import SweepId, json_response, refusals
 from service.schemas.query.conditions import Subject
-from service.schemas.replies.analysis import (
+from service.schemas.replies.sweep import (
     FacetOut,
     FacetsOut,
     FacetValueOut,

@@ -27,8 +27,8 @@ from service.api.replies.responses import (
 from service.api.tagged import solution_tag
 from service.jobs.keys import ApiKey
 from service.jobs.records import Job, SweepRecord
+from service.schemas.problem.sections import MarksPatchIn
 from service.schemas.reading.annotation import MOST_LABELS, Annotation, patched
-from service.schemas.reading.annotation_in import MarksPatchIn
 from service.schemas.reading.documents import Document, Fault, InvalidProblemError, Part
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.job import JobOut
@@ -36,10 +36,10 @@ from service.schemas.replies.response_model import ResponseModel
 from service.schemas.replies.solution import SolutionOut
 from service.schemas.replies.sweep import SweepOut
 from service.storage.solutions.solution_store import Solution, standing_of
-from service.storage.sweeps.deleting import delete_job as remove_job
-from service.storage.sweeps.deleting import delete_solution as remove_solution
-from service.storage.sweeps.deleting import delete_sweep as remove_sweep
-from service.storage.sweeps.deleting import key_of_solution
+from service.storage.upkeep.retention import delete_job as remove_job
+from service.storage.upkeep.retention import delete_solution as remove_solution
+from service.storage.upkeep.retention import delete_sweep as remove_sweep
+from service.storage.upkeep.retention import key_of_solution
 
 router = APIRouter(prefix="/v1")
 

@@ -26,7 +26,7 @@ from service.schemas.replies.job import StatusOut
 from service.settings import Settings
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
-from service.storage.jobs.changes import Followable
+from service.storage.jobs.rows import Followable
 
 router = APIRouter(prefix="/v1", tags=["events"])
 

@@ -25,14 +25,13 @@ from service.schemas.replies.installation import AccuracyOut, AccuracyRowOut, Fa
 from service.schemas.replies.job import ClusterOut, StatusOut
 from service.schemas.replies.solution import CompilingOut, HealthOut, ReadinessOut
 from service.settings import Settings
+from service.storage.database.availability import LOG_BYTES, DatabaseFileError
 from service.storage.database.database import Database
-from service.storage.database.revisions import fault_of, stored_revision
-from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFileError
-from service.storage.jobs.worker_registry import SILENT_LEASES, WorkerRegistry, WorkersState
+from service.storage.database.migration import fault_of, stored_revision
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.storage.solutions.shipped_accuracy import shipped_comparison, shipped_costs
-from service.storage.upkeep.presence import GONE_SECONDS
-from service.storage.upkeep.status import status_of
+from service.storage.upkeep.presence import GONE_SECONDS, SILENT_LEASES, WorkerRegistry, WorkersState
+from service.storage.upkeep.statistics import status_of
 from service.verdicts.examination import answer_ping
 
 router = APIRouter()

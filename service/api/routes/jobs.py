@@ -28,18 +28,20 @@ from service.api.queries.queries import (
     wait_seconds,
     without_query,
 )
-from service.api.queueing import Made, SubmissionTerms, queue
 from service.api.replies.errors import ApiError
 from service.api.replies.records import job_out
 from service.api.replies.responses import JobId, json_response, refusals
 from service.api.submission import (
     ESTIMATE_WORK,
+    Made,
+    SubmissionTerms,
     accept,
     accept_many,
     check,
     check_each,
     estimate_jobs,
     nothing_accepted,
+    queue,
     refused_item,
 )
 from service.api.verdicts.examiner import Submission
@@ -47,10 +49,10 @@ from service.jobs.queue import Lane
 from service.jobs.records import Job, JobKind, JobPage, JobState
 from service.schemas.query.conditions import ListQuery, in_state
 from service.schemas.reading.documents import Document
-from service.schemas.replies.analysis import CostEstimateOut, QueryEstimateOut
 from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
+from service.schemas.replies.sweep import CostEstimateOut, QueryEstimateOut
 from service.settings import Settings
-from service.storage.keys.idempotency_store import Receipt
+from service.storage.keys import Receipt
 from service.storage.searching.sources import OF_JOB_ROWS, OF_STUDY_ROWS
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])

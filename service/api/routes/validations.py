@@ -30,8 +30,7 @@ from service.dynamics.accuracy import (
 )
 from service.dynamics.problem import Problem
 from service.schemas.problem.documents import ProblemIn
-from service.schemas.problem.problem import check_problem, check_question, expected_of_tiers
-from service.schemas.problem.questions import Question
+from service.schemas.problem.problem import Question, check_problem, check_question, expected_of_tiers
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.problem.trusted import ONE_AT_A_TIME
 from service.schemas.reading.documents import Document, InvalidProblemError, Part

@@ -24,9 +24,8 @@ from service.schemas.problem.problem import check_problem, choose_tier, problem_
 from service.schemas.problem.rules import CheckedProblem
 from service.schemas.reading.annotation import UNANNOTATED, Annotation
 from service.schemas.reading.documents import Document, Fault, Part
-from service.storage.examinations import ExaminationStore
+from service.storage.examinations import CacheRow, Examination, ExaminationKeys, ExaminationStore
 from service.typesetting.equations import Format
-from service.verdicts.cache_rows import CacheRow, Examination, ExaminationKeys
 from service.verdicts.examination import examine_problems
 from service.verdicts.formulas import examine_question_with_formulas, simplify_formula, with_simplified
 

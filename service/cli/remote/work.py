@@ -21,7 +21,7 @@ from polhode.sweeps import Sweep
 from polhode.transport.carriers import ThreadCarrier
 from service.cli.common import REFUSED, WRONG_USAGE, fail
 from service.logs import one_line
-from service.schemas.replies.solution_text import curve_text, describe_record, potential_text, rounded
+from service.schemas.replies.text import curve_text, describe_record, potential_text, rounded
 from service.terminal import (
     STANDARD_STREAM,
     FileFaultError,
@@ -219,8 +219,8 @@ def judge_file(file: Path, *, url: str | None, key: str | None, as_json: bool) -
     if as_json:
         answer(json.dumps(found) + "\n")
     # Loaded for a verdict only: other commands are there sooner.
+    from service.schemas.replies.text import describe_verdict  # noqa: PLC0415
     from service.schemas.replies.verdict import VerdictOut  # noqa: PLC0415
-    from service.schemas.replies.verdict_text import describe_verdict  # noqa: PLC0415
 
     verdict = VerdictOut.model_validate(found)
     if verdict.verdict is None:

@@ -28,7 +28,7 @@ from polhode.studies import Questions
 from polhode.sweeps import Sweep
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import MERGE_PATCH, ask, ask_json, follow
-from polhode.transport.steps import Operation, operation
+from polhode.transport.terms import Operation, operation
 from polhode.verdicts import Judgement
 
 Resource = Job[CarrierT] | Motion[CarrierT] | Sweep[CarrierT]

@@ -13,6 +13,7 @@ from typing import Generic
 
 from polhode.documents.problems import Document, Given, problem, read
 from polhode.documents.quantities import fields, items
+from polhode.drawing import table_html
 from polhode.errors import (
     FailedError,
     MissingError,
@@ -25,11 +26,9 @@ from polhode.errors import (
 )
 from polhode.listings import IDS, by_id
 from polhode.motions import Motion
-from polhode.showing import table_html
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import FINAL, ask_json
-from polhode.transport.steps import Operation, Pause, Together, operation
-from polhode.transport.terms import Progress, Terms
+from polhode.transport.terms import Operation, Pause, Progress, Terms, Together, operation
 
 MOST = 1000
 """Problems in one request, as many as the service takes."""

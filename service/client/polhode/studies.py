@@ -10,7 +10,7 @@ from polhode.documents.quantities import Exact, Quantity, fields, items, written
 from polhode.errors import FailedError, PolhodeError, WrongArgumentError
 from polhode.transport.carriers import CarrierT
 from polhode.transport.exchange import ask, follow
-from polhode.transport.steps import Operation, operation
+from polhode.transport.terms import Operation, operation
 
 WAIT_SECONDS = 20
 """Seconds for which the service holds a request that a job answers; proxies may end longer ones."""

@@ -7,11 +7,11 @@ from typing import Generic
 
 from polhode.documents.problems import Document
 from polhode.documents.quantities import fields, items
+from polhode.drawing import table_html
 from polhode.errors import PolhodeError
-from polhode.showing import table_html
 from polhode.transport.carriers import CarrierT, ThreadCarrier
 from polhode.transport.exchange import ask_json
-from polhode.transport.steps import Operation, operation
+from polhode.transport.terms import Operation, operation
 
 _TYPESET = ("V", "h", "F", "G", "nearest")
 """The equations that a verdict is shown with, in this order."""

@@ -22,9 +22,13 @@ from service.schemas.problem.motions import (
 )
 from service.schemas.problem.potentials import MODELS, PotentialIn
 from service.schemas.problem.sections import (
+    LABELS_HELP,
+    NOTE_HELP,
     AccuracyIn,
     BodyIn,
     BudgetIn,
+    Labels,
+    Note,
     RelativeIn,
     TierIn,
     TimeIn,
@@ -34,7 +38,6 @@ from service.schemas.problem.sections import (
     ToleranceIn,
 )
 from service.schemas.problem.trusted import DEFAULT_OUTPUTS
-from service.schemas.reading.annotation_in import LABELS_HELP, NOTE_HELP, Labels, Note
 from service.schemas.reading.documents import Document
 from service.schemas.reading.numbers import (
     Exact,

@@ -30,8 +30,13 @@ from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from service.schemas.reading.documents import Document
-from service.storage.database.availability import is_stopped
-from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFile, DatabaseFileError, file_of
+from service.storage.database.availability import (
+    LOG_BYTES,
+    DatabaseFile,
+    DatabaseFileError,
+    file_of,
+    is_stopped,
+)
 
 if TYPE_CHECKING:  # SQLAlchemy loads the driver of the database that is used, and no other
     from psycopg import Connection as PostgresConnection

@@ -9,23 +9,23 @@ from dataclasses import dataclass, replace
 from sqlalchemy import CTE, BigInteger, and_, cast, exists, func, not_, or_, select, text, union_all
 from sqlalchemy.orm import Session
 
-from service.jobs.chunking import PILOT_POINTS, Range, cut
+from service.jobs.queue import PILOT_POINTS, Range, cut
 from service.jobs.records import FINISHED, AttemptOutcome, JobKind, JobState
 from service.storage.database.database import Database
-from service.storage.database.revisions import fault_of, newest_revision, stored_revision
+from service.storage.database.migration import fault_of, newest_revision, stored_revision
 from service.storage.inspection.invariants import (
+    Broken,
     Invariant,
     Remedy,
     differ,
     invariants_of_jobs,
     invariants_of_keys,
 )
-from service.storage.inspection.repairs import Broken
 from service.storage.jobs.chunks import hold, most_of, queue_chunks, range_of
-from service.storage.jobs.moves import end_attempt, move
+from service.storage.jobs.rows import end_attempt, move
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.jobs import JobRow
-from service.storage.tables.sweeps import SweepChunkRow, SweepRow
+from service.storage.tables.solutions import SweepChunkRow, SweepRow
 
 EXAMPLES = 5
 """Largest number of ids of violating rows that are listed for each invariant."""

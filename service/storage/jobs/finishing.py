@@ -30,11 +30,10 @@ from service.storage.annotations import LABELS_OF_JOB, copy_labels
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import is_postgres
 from service.storage.database.rows import new_id
-from service.storage.jobs.moves import end_attempt, fence, may_become, move
-from service.storage.keys.key_store import charge
+from service.storage.jobs.rows import end_attempt, fence, may_become, move
+from service.storage.keys import charge
 from service.storage.tables.base import DatabaseNow, table_of
-from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow, ResultRow
-from service.storage.tables.labels import SolutionLabelRow
+from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow, ResultRow, SolutionLabelRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 
 _ATTEMPTS, _SOLUTIONS = table_of(AttemptRow), table_of(SolutionRow)

@@ -22,12 +22,13 @@ from sqlalchemy.orm import Session
 
 from service.schemas.query.conditions import ID, Condition, Kind, ListQuery, OrderKey, Subject, Value
 from service.storage.database.database import is_postgres
-from service.storage.searching.conditions import bound, conditions_of
 from service.storage.searching.narrowing import (
     MANY,
     MOST,
     ROW,
     Narrowed,
+    bound,
+    conditions_of,
     entries,
     label_of_order,
     members,

@@ -26,21 +26,19 @@ from tests.support.commands import polhode
 from tests.support.databases import url_of
 from workers.calibration import measurement
 from workers.calibration.measurement import (
+    CASES,
     FULL,
     QUICK,
-    ClaimExceededError,
-    Effort,
-    calibrate,
-    steps,
-    whole_jobs,
-)
-from workers.calibration.reference import (
-    CASES,
     SAMPLES,
     STRIDE,
+    ClaimExceededError,
+    Effort,
     ReferenceStates,
+    calibrate,
     reference_states,
     samples_of,
+    steps,
+    whole_jobs,
 )
 from workers.cli.calibrate import describe
 from workers.computation.compute import solve_document

@@ -6,10 +6,10 @@ import sqlite3
 import pytest
 from sqlalchemy import exc
 
-from service.local.worker_process import WorkerProcess
+from service.local.workers import WorkerProcess
+from service.storage.database.availability import DatabaseFileError
 from service.storage.database.database import Database
-from service.storage.database.sqlite_file import DatabaseFileError
-from service.storage.jobs.worker_registry import WorkerRegistry
+from service.storage.upkeep.presence import WorkerRegistry
 from tests.support.databases import copy_of
 from workers.process.start import Waker
 from workers.process.worker import EngineLoop, Presence

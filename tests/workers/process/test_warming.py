@@ -11,10 +11,10 @@ import pytest
 
 from service.jobs.kernels import KERNELS, Kernels
 from service.local.wakeup import WARM
-from service.local.worker_process import WorkerProcess
+from service.local.workers import WorkerProcess
 from service.sandbox import Sandbox, SandboxBrokenError
 from service.storage.database.database import Database
-from service.storage.jobs.worker_registry import WorkerRegistry
+from service.storage.upkeep.presence import WorkerRegistry
 from tests.support.databases import copy_of
 from workers.process.start import Compiling, Waker, Warming
 from workers.process.tasks import WarmUp

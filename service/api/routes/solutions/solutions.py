@@ -21,8 +21,8 @@ from service.dynamics.problem import Tier
 from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject, equals
 from service.schemas.query.facts import OF_SOLUTIONS, FamilyName
 from service.schemas.reading.documents import Fault
-from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
+from service.schemas.replies.sweep import QueryEstimateOut
 from service.storage.database.rows import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.solutions.solution_store import SolutionPage, standing_and_annotation

@@ -27,20 +27,20 @@ from service.api.formats.negotiation import (
     named_file,
     preferred,
 )
-from service.api.formats.packages import ZIP, Package, package
-from service.api.formats.points import STREAMS, kinds_of, parquet, rows
+from service.api.formats.points import STREAMS, ZIP, Package, kinds_of, package, parquet, rows
 from service.api.middleware.caching import is_head
 from service.api.middleware.heavy_answers import heavy
-from service.api.queries.cursors import cursor_of
-from service.api.queries.grid import GridQuery, GridWish, read_grid_wish
-from service.api.queries.lists import link_to, next_page
+from service.api.queries.lists import cursor_of, link_to, next_page
 from service.api.queries.points import (
     DEFAULT_ROWS,
     MOST_NUMBERS,
     MOST_ROWS,
     MOST_SORTED_NUMBERS,
+    GridQuery,
+    GridWish,
     PointsQuery,
     Wish,
+    read_grid_wish,
     read_wish,
 )
 from service.api.queries.queries import Asked, asked_of, query_parameters, refuse_if_any, without_query
@@ -51,8 +51,7 @@ from service.jobs.records import SweepRecord
 from service.schemas.reading.documents import Document, Fault
 from service.schemas.replies.sweep import GridOut, PointPageOut
 from service.schemas.sweep.sweep import Sweep, SweepAxis, trusted_sweep
-from service.storage.sweeps.point_query import PointQuery
-from service.storage.sweeps.point_reader import PointBlock, PointReader
+from service.storage.sweeps.point_reader import PointBlock, PointQuery, PointReader
 from service.storage.sweeps.point_tables import PointGrid, cell_indices, read_grid
 from service.storage.sweeps.sweep_store import standing_in
 
