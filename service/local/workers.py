@@ -4,27 +4,26 @@ A process that ran for a while, or has worked, is restarted at once, since its j
 repeatedly before it can work would only waste processor time, so the pauses grow.
 
 What any worker process has is here too: its name, its host, its command line, its environment, its folder of
-compiled code.
+compiled code. Commands that need no settings use this too: it loads none.
 """
 
 import json
-import os
-import sys
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from service.settings import Settings
 import logging
+import os
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from service.local.wakeup import WakeUpSocket
-from service.settings import Settings
+
+if TYPE_CHECKING:
+    from service.settings import Settings
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +187,7 @@ class LocalWorkers:
         The system cannot start the first process.
     """
 
-    def __init__(self, settings: Settings, wake_up: WakeUpSocket) -> None:
+    def __init__(self, settings: "Settings", wake_up: WakeUpSocket) -> None:
         self._settings = settings
         self._wake_up = wake_up
         self._stopping = threading.Event()
