@@ -23,16 +23,18 @@ from service.api.replies.responses import tag_of_content
 from service.api.routes import (
     analysis,
     atlases,
+    audits,
     changes,
-    docs_page,
     events,
     installation,
     jobs,
+    points,
+    solutions,
     studies,
+    sweeps,
+    trajectory,
     validations,
 )
-from service.api.routes.solutions import audits, solutions, trajectory
-from service.api.routes.sweeps import points, sweeps
 from service.api.tagged import TAGGED, unchanged
 from service.dashboard import routes as dashboard
 
@@ -81,7 +83,6 @@ def install(app: FastAPI) -> None:
             installation,
             events,
             changes,
-            docs_page,
             dashboard,
         )
     ]

@@ -147,14 +147,10 @@ async def accept_many(
         503: too many requests wait for verdicts, and no problem of the list was examined.
     """
     given = {index: each for index, each in enumerate(problems) if isinstance(each, Submission)}
-    table = None
-    if given:
-        reserve = partial(_reserve, is_estimate=is_estimate)
-        table = await run_in_threadpool(reserve, inside, holder, list(given.values()))
+    reserve = partial(_reserve, inside, holder, list(given.values()), is_estimate=is_estimate)
+    table = await run_in_threadpool(reserve) if given else None
     claimant = Claimant(None if holder is None else holder.id, is_list=True)
-    examined = await _examine(
-        inside, {index: each for index, each in given.items() if each.keys is not None}, claimant
-    )
+    examined = await _examine(inside, given, claimant)
     found = [examined.get(index, problem) for index, problem in enumerate(problems)]
     refusals = [each for each in found if isinstance(each, ApiError)]
     if len(refusals) == len(found) and all(refusal.status == _BUSY for refusal in refusals):
@@ -216,9 +212,7 @@ async def estimate_sweep(inside: Resources, sweep: Sweep, holder: ApiKey | None)
 
     points = await run_in_threadpool(checked)
     claimant = Claimant(None if holder is None else holder.id, is_list=True)
-    examined = await _examine(
-        inside, {index: each for index, each in points.items() if each.keys is not None}, claimant
-    )
+    examined = await _examine(inside, points, claimant)
     sampled = [(each.checked.problem, _sampled(examined.get(index, each))) for index, each in points.items()]
     return await run_in_threadpool(_estimate_out, inside, partial(estimate_of_sweep, sweep, sampled), {})
 
@@ -278,9 +272,10 @@ def refused_item(refusal: ApiError) -> JobItemOut:
 
 
 async def _examine(
-    inside: Resources, problems: Mapping[int, Submission], claimant: Claimant
+    inside: Resources, given: Mapping[int, Submission], claimant: Claimant
 ) -> dict[int, Submission | ApiError]:
-    """Examine problems by queued calls; one call takes problems with the same potential."""
+    """Examine those that need it by queued calls; one call takes problems with the same potential."""
+    problems = {index: each for index, each in given.items() if each.keys is not None}
     deadline = time.monotonic() + LIST_VERDICTS * inside.settings.verdict_seconds
     found: dict[int, Submission | ApiError] = {}
     for index, problem in problems.items():

@@ -20,12 +20,7 @@ from service.dynamics.inverse.curve_function import NoDecompositionError
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.reduction.start import starting_point
 from service.dynamics.reduction.window import Window, require_known_ends
-from service.dynamics.reduction.windows import (
-    REDUCTION_BITS,
-    NoMotionError,
-    choose_window,
-    find_windows,
-)
+from service.dynamics.reduction.windows import REDUCTION_BITS, NoMotionError, choose_window, find_windows
 from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.own_curve import require_proof_on_arc
 from service.dynamics.verdict.simple_form import simplified

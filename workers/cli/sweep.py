@@ -42,11 +42,7 @@ from service.stopping import StopAsked
 from service.storage.codecs.packing import SOLVED, ChunkPoints, bounds_of
 from service.terminal import STANDARD_STREAM, OutputFile, answer, read_document, say
 from workers.cli.compile import compile_solvers
-from workers.computation.compiled_code import (
-    GROUPS,
-    fixed_way,
-    is_ready,
-)
+from workers.computation.compiled_code import GROUPS, fixed_way, is_ready
 from workers.sweeping.local_pool import LocalPool
 
 FloatArray = NDArray[np.float64]

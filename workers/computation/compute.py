@@ -37,14 +37,7 @@ from service.storage.solutions.shipped_accuracy import shipped_table
 from service.verdicts.cached import ResultCache, read_windows
 from service.verdicts.examination import Examined, examine_document
 from workers import solvers
-from workers.computation.compiled_code import (
-    GROUPS,
-    Group,
-    fixed_way,
-    is_ready,
-    keep_compiled_code,
-    way_for,
-)
+from workers.computation.compiled_code import GROUPS, Group, fixed_way, is_ready, keep_compiled_code, way_for
 from workers.computation.enclosures import (
     columns_of_enclosures,
     enclosed_motion,

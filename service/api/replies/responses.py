@@ -1,4 +1,4 @@
-"""Answers in JSON without NaN, or made while they are sent; headers, path parameters, refusals.
+"""Answers: jobs, solutions and sweeps as they are shown; JSON without NaN; streams; headers; refusals.
 
 Conditional requests are those of RFC 9110, 13, and RFC 9111: strong entity tags, and what caches may keep.
 """
@@ -18,8 +18,15 @@ from starlette.types import Receive, Scope, Send
 
 from service.api.replies.errors import MEDIA_TYPE
 from service.dynamics.numerics import NUMERICS
-from service.schemas.reading.documents import instant_text
+from service.jobs.records import Job, JobKind, JobState, SweepProgress, SweepRecord
+from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Document, instant_text
+from service.schemas.replies.job import JobOut
 from service.schemas.replies.response_model import ResponseModel
+from service.schemas.replies.solution import AuditOut, ComparisonOut, SolutionOut
+from service.schemas.replies.sweep import SweepOut, SweepStateOut
+from service.storage.solutions.result_store import Audit
+from service.storage.solutions.solution_store import Solution
 from service.versions import version_of
 
 IMMUTABLE = "private, immutable, max-age=31536000"
@@ -52,12 +59,12 @@ def tag_of_resource(request: Request, media_type: str, *identity: object) -> str
         What the stored resource is, and the version of everything in it that can change.
     """
     query = sorted(request.query_params.multi_items(), key=lambda pair: pair[0])
-    return _tag(repr((_ours(), request.scope["path"], query, media_type, identity)).encode())
+    return tag_of_content(repr((_ours(), request.scope["path"], query, media_type, identity)).encode())
 
 
 def tag_of_content(content: bytes) -> str:
     """Return the tag of an answer by its bytes."""
-    return _tag(content)
+    return f'"{hashlib.blake2b(content, digest_size=_TAG_BYTES).hexdigest()}"'
 
 
 def coded(tag: str, coding: str) -> str:
@@ -87,10 +94,6 @@ def is_current(header: str | None, tag: str) -> bool:
 def validators(tag: str, cache_control: str) -> Mapping[str, str]:
     """Return the headers by which a client can ask again."""
     return {"ETag": tag, "Cache-Control": cache_control}
-
-
-def _tag(content: bytes) -> str:
-    return f'"{hashlib.blake2b(content, digest_size=_TAG_BYTES).hexdigest()}"'
 
 
 def _tags(header: str) -> Iterator[str]:
@@ -211,3 +214,103 @@ async def _parts(answer: PiecedAnswer) -> AsyncIterator[bytes]:
 def size_of(answer: Response) -> int:
     """Return the bytes that an answer keeps in memory until it has been sent, about."""
     return answer.held if isinstance(answer, PiecedAnswer) else len(answer.body)
+
+
+_ADDED_LATER: Document = {
+    "asymptotes": None,
+    "precession": None,
+    "warnings": [],
+    "errors": None,
+    "error_kind": None,
+    "known_cases": [],
+}
+"""Fields that solutions stored by the first version lack."""
+
+
+def job_out(job: Job) -> JobOut:
+    """Return a job as it is shown."""
+    return JobOut(
+        id=job.id,
+        state=job.state.value,
+        priority=job.priority,
+        attempt=job.attempt,
+        progress=job.progress,
+        error=None if job.error is None else dict(job.error),
+        reused=job.reused,
+        solution=job.solution_id,
+        atlas=job.id if job.kind is JobKind.ATLAS and job.state is JobState.SUCCEEDED else None,
+        result=None if job.result is None else dict(job.result),
+        problem=dict(job.problem),
+        labels=dict(job.annotation.labels),
+        note=job.annotation.note,
+        created_at=job.created_at,
+        started_at=job.started_at,
+        finished_at=job.finished_at,
+    )
+
+
+def solution_out(solution: Solution) -> SolutionOut:
+    """Return a solution as it is shown."""
+    document = {
+        **_ADDED_LATER,
+        **solution.summary,
+        "id": solution.id,
+        "job": solution.job_id,
+        "problem": solution.problem,
+        **_annotation(solution.annotation),
+        "created_at": solution.created_at,
+    }
+    return SolutionOut.model_validate(document)
+
+
+def audit_out(audit: Audit) -> AuditOut:
+    """Return an audit as it is shown."""
+    job, comparison = audit.job, audit.comparison
+    verdict = "failed" if job.state is JobState.FAILED else comparison and comparison["verdict"]
+    document = {
+        "id": job.id,
+        "solution": audit.solution_id,
+        "state": job.state.value,
+        "verdict": verdict,
+        "found": job.solution_id,
+        "comparison": comparison and {name: comparison[name] for name in ComparisonOut.model_fields},
+        "error": job.error,
+        "problem": job.problem,
+        "created_at": job.created_at,
+        "finished_at": job.finished_at,
+    }
+    return AuditOut.model_validate(document)
+
+
+def sweep_out(record: SweepRecord) -> SweepOut:
+    """Return a sweep as it is shown, with its document."""
+    own = {"document": dict(record.document), "provenances": list(map(dict, record.provenances))}
+    return SweepOut.model_validate({**_state(record), **own})
+
+
+def sweep_state_out(record: SweepProgress) -> SweepStateOut:
+    """Return a sweep as lists show it."""
+    return SweepStateOut.model_validate(_state(record))
+
+
+def _state(record: SweepProgress) -> Document:
+    return {
+        "id": record.id,
+        "state": record.state.value,
+        "points": record.points,
+        "done": record.done,
+        "refused": record.refused,
+        "progress": record.done / record.points,
+        "point_seconds": record.point_seconds,
+        "way": record.way,
+        "remaining_seconds": record.remaining_seconds,
+        "priority": record.priority,
+        **_annotation(record.annotation),
+        "created_at": record.created_at,
+        "started_at": record.started_at,
+        "finished_at": record.finished_at,
+    }
+
+
+def _annotation(annotation: Annotation) -> Document:
+    return {"labels": dict(annotation.labels), "note": annotation.note}

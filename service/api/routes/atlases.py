@@ -26,14 +26,13 @@ from service.api.queries.queries import (
     wants_job,
     without_query,
 )
-from service.api.replies.records import job_out
 from service.api.replies.responses import AtlasId, refusals
-from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_listed
+from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_listed, shown
 from service.api.submission import SubmissionTerms, queue_result
 from service.api.tagged import validator_headers
 from service.api.verdicts.examiner import examine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
-from service.jobs.records import Job, JobKind
+from service.jobs.records import JobKind
 from service.sandbox import SandboxTimeoutError
 from service.schemas.atlas.documents import AtlasOut, read_atlas
 from service.schemas.query.conditions import in_state
@@ -165,12 +164,9 @@ async def _drawn(
 
 
 async def _queue(asked: _Checked, inside: Resources, terms: SubmissionTerms) -> Response:
-    def show(job: Job) -> tuple[JobOut, str]:
-        return job_out(job), f"/v1/jobs/{job.id}"
-
     # 202 also if it has ended in time: 200 is the atlas itself.
     in_time = HTTPStatus.ACCEPTED
-    return await queue_result(inside, terms, JobKind.ATLAS, asked.document, show, in_time=in_time)
+    return await queue_result(inside, terms, JobKind.ATLAS, asked.document, shown, in_time=in_time)
 
 
 @router.get(

@@ -13,15 +13,17 @@ from service.api.descriptions import request_body
 from service.api.middleware.security import Holder, check_owner
 from service.api.queries.queries import without_query
 from service.api.replies.errors import ApiError
-from service.api.replies.records import job_out, solution_out, sweep_out
 from service.api.replies.responses import (
     JobId,
     SolutionId,
     SweepId,
     is_current,
+    job_out,
     json_content,
     json_response,
     refusals,
+    solution_out,
+    sweep_out,
     tag_of_content,
 )
 from service.api.tagged import solution_tag

@@ -29,8 +29,7 @@ from service.api.queries.queries import (
     without_query,
 )
 from service.api.replies.errors import ApiError
-from service.api.replies.records import job_out
-from service.api.replies.responses import JobId, json_response, refusals
+from service.api.replies.responses import JobId, job_out, json_response, refusals
 from service.api.submission import (
     ESTIMATE_WORK,
     Made,
@@ -194,10 +193,11 @@ async def _submit_one(problem: Submission, inside: Resources, terms: SubmissionT
             annotation=accepted.annotation,
         )
 
-    return await queue(inside, terms, store, _shown)
+    return await queue(inside, terms, store, shown)
 
 
-def _shown(job: Job) -> tuple[JobOut, str]:
+def shown(job: Job) -> tuple[JobOut, str]:
+    """Return a job as it is shown, and its path."""
     return job_out(job), f"/v1/jobs/{job.id}"
 
 

@@ -21,8 +21,7 @@ from service.api.queries.queries import (
     wants_job,
     without_query,
 )
-from service.api.replies.records import job_out
-from service.api.replies.responses import JobId, json_response, refusals
+from service.api.replies.responses import JobId, job_out, json_response, refusals
 from service.api.routes.jobs import UrgencyQuery
 from service.api.submission import SubmissionTerms, queue_result
 from service.api.tagged import validator_headers

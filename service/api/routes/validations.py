@@ -20,14 +20,7 @@ from service.api.replies.responses import json_response, refusals
 from service.api.submission import needs_verdict
 from service.api.verdicts.examiner import Submission, examine, examine_with_formulas
 from service.api.verdicts.verdict_queue import Claimant
-from service.dynamics.accuracy import (
-    TIER_TOLERANCES,
-    TIERS,
-    AccuracyTable,
-    Expected,
-    Tier,
-    Unavailable,
-)
+from service.dynamics.accuracy import TIER_TOLERANCES, TIERS, AccuracyTable, Expected, Tier, Unavailable
 from service.dynamics.problem import Problem
 from service.schemas.problem.documents import ProblemIn
 from service.schemas.problem.problem import Question, check_problem, check_question, expected_of_tiers

@@ -9,15 +9,7 @@ from typing import ParamSpec, Self, TypeVar
 from urllib.parse import urlencode
 
 from polhode.atlases import Atlas, atlas_question, draw, stored_atlas
-from polhode.documents.problems import (
-    DEFAULT_KEEP,
-    Body,
-    Document,
-    Given,
-    problem,
-    question,
-    sweep_document,
-)
+from polhode.documents.problems import DEFAULT_KEEP, Body, Document, Given, problem, question, sweep_document
 from polhode.documents.quantities import Exact, written
 from polhode.errors import FailedError, MissingError
 from polhode.jobs import WAIT_SECONDS, Job, motion_of, submit

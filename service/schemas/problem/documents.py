@@ -6,20 +6,10 @@ A job adds labels and a note to a problem, an audit changes some of one, a valid
 from fractions import Fraction
 from typing import Annotated
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    Field,
-)
+from pydantic import AfterValidator, BaseModel, Field
 
 from service.dynamics.problem import Accept, Method, Output
-from service.schemas.problem.motions import (
-    MOTIONS,
-    EquatorStartIn,
-    MotionIn,
-    PointStartIn,
-    RestStartIn,
-)
+from service.schemas.problem.motions import MOTIONS, EquatorStartIn, MotionIn, PointStartIn, RestStartIn
 from service.schemas.problem.potentials import MODELS, PotentialIn
 from service.schemas.problem.sections import (
     LABELS_HELP,
@@ -39,18 +29,8 @@ from service.schemas.problem.sections import (
 )
 from service.schemas.problem.trusted import DEFAULT_OUTPUTS
 from service.schemas.reading.documents import Document
-from service.schemas.reading.numbers import (
-    Exact,
-    Positive,
-    SearchDegree,
-    refuse,
-)
-from service.schemas.reading.parts import (
-    WireModel,
-    given,
-    one_of_each,
-    within,
-)
+from service.schemas.reading.numbers import Exact, Positive, SearchDegree, refuse
+from service.schemas.reading.parts import WireModel, given, one_of_each, within
 
 MAX_POINTS = 1000
 

@@ -7,6 +7,7 @@ changed by a merge patch (RFC 7396).
 import re
 from collections.abc import Mapping
 from fractions import Fraction
+from functools import partial
 from typing import Annotated, Literal, Self
 
 from pydantic import (
@@ -20,12 +21,7 @@ from pydantic import (
     model_validator,
 )
 
-from service.dynamics.accuracy import (
-    CERTIFIED_BITS,
-    LARGEST_TOLERANCE,
-    SMALLEST_TOLERANCE,
-    TIERS,
-)
+from service.dynamics.accuracy import CERTIFIED_BITS, LARGEST_TOLERANCE, SMALLEST_TOLERANCE, TIERS
 from service.dynamics.problem import Tier
 from service.schemas.reading.annotation import LABEL_KEY, LABEL_KEYS, LONGEST_NOTE, LONGEST_VALUE, MOST_LABELS
 from service.schemas.reading.documents import Document
@@ -41,13 +37,7 @@ from service.schemas.reading.numbers import (
     read_time,
     refuse,
 )
-from service.schemas.reading.parts import (
-    TAG_MARK,
-    Section,
-    WireModel,
-    require_one,
-    tag_by_field,
-)
+from service.schemas.reading.parts import TAG_MARK, Section, WireModel, require_one, tag_by_field
 
 LONGEST_BUDGET = Fraction(3600)
 
@@ -57,17 +47,11 @@ _ACCEPTED = (
 )
 
 
-def _read_tolerance(value: object) -> Fraction:
-    return read_positive(value, accepted="1e-15 to 1e-2 are accepted")
-
-
-def _read_budget(value: object) -> Fraction:
-    return read_positive(value, accepted="1e-300 to 3600 seconds are accepted")
-
-
 # Made from the type of positive numbers, whose description stays.
-Tolerance = Annotated[Positive, PlainValidator(_read_tolerance)]
-Budget = Annotated[Positive, PlainValidator(_read_budget)]
+_TOLERANCE = partial(read_positive, accepted="1e-15 to 1e-2 are accepted")
+_BUDGET = partial(read_positive, accepted="1e-300 to 3600 seconds are accepted")
+Tolerance = Annotated[Positive, PlainValidator(_TOLERANCE)]
+Budget = Annotated[Positive, PlainValidator(_BUDGET)]
 
 
 def _attainable(tolerance: Fraction, name: str) -> None:
@@ -191,12 +175,9 @@ class BodyIn(Section):
 
     def canonical(self) -> Document:
         """Return the document with every field."""
-        return {
-            "A": None if self.A is None else str(self.A),
-            "B": None if self.B is None else str(self.B),
-            "C": None if self.C is None else str(self.C),
-            "allow_unphysical": self.allow_unphysical,
-        }
+        moments = {name: getattr(self, name) for name in ("A", "B", "C")}
+        own = {name: None if moment is None else str(moment) for name, moment in moments.items()}
+        return {**own, "allow_unphysical": self.allow_unphysical}
 
 
 class TimeSpanIn(Section):

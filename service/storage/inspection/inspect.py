@@ -108,7 +108,8 @@ def _check_file(database: Database) -> Iterator[Finding]:
     if database.engine.dialect.name != "sqlite":
         return
     with database.read() as session:
-        faults = [line for line in _lines(session, "PRAGMA integrity_check") if line != "ok"]
+        lines = map(str, session.scalars(text("PRAGMA integrity_check")))
+        faults = [line for line in lines if line != "ok"]
     finding = Finding("file", "the pages and indexes of the file are sound")
     yield replace(finding, broken=len(faults), examples=tuple(faults[:EXAMPLES]))
     if database.file is not None:
@@ -121,10 +122,6 @@ def _check_file(database: Database) -> Iterator[Finding]:
             examples=() if warning is None else (warning,),
             is_warning=True,
         )
-
-
-def _lines(session: Session, statement: str) -> list[str]:
-    return [str(line) for line in session.scalars(text(statement))]
 
 
 _LIVE = [state.value for state in JobState if state not in FINISHED]

@@ -40,7 +40,7 @@ from service.storage.database.rows import database_now, is_id
 from service.storage.examinations import CacheRow, Examination, store_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
-from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_result
+from service.storage.jobs.finishing import store_and_charge, store_result
 from service.storage.jobs.queue import announce, insert_jobs
 from service.storage.jobs.rows import (
     BEGUN,
@@ -282,7 +282,7 @@ class JobStore:
             with self._database.write() as session:
                 return store_result(session, claim, outcome), take(session.connection())
         with self._database.write_rows() as connection:
-            return store_and_charge(connection, claim, outcome), take(connection)
+            return bool(store_and_charge(connection, [(claim, outcome)])), take(connection)
 
     def finish_problems(
         self,
@@ -303,7 +303,7 @@ class JobStore:
         with self._database.write() as session:
             held = {claim.job_id for claim, outcome in refused if self._fail(session, claim, outcome.error)}
             connection = session.connection()
-            held |= store_and_charge_all(connection, solved)
+            held |= store_and_charge(connection, solved)
             taken = take_jobs(connection, worker, then_take, lease_seconds, starved, together)
             return frozenset(held), taken or ClaimedJobs()
 

@@ -11,7 +11,7 @@ nothing beside the table that could be lost.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import zip_longest
-from typing import Any  # the columns of a row  # of a row that the statement describes
+from typing import Any  # the columns of a row that a statement describes
 
 from sqlalchemy import (
     ColumnElement,
@@ -129,7 +129,11 @@ class _Chosen:
         head = [row for row in self._rows(which, values) if row.id not in self.ids][:number]
         for row in head:
             self._take(row)
-        if together > 1 and len({row.priority for row in head}) == 1 and all(map(_may_share, head)):
+        if (
+            together > 1
+            and len({row.priority for row in head}) == 1
+            and all(row.kind == JobKind.SOLVE.value and not row.alone for row in head)
+        ):
             values |= {"of_priority": head[0].priority, "count": number * together}
             for row in self._rows(replace(which, problems=True), values):
                 # Problems that equal a chosen one are passed over: they share its solution when it is solved.
@@ -143,10 +147,6 @@ class _Chosen:
     def _take(self, row: Row[*tuple[Any, ...]]) -> None:
         self.ids.append(row.id)
         self._digests.add(row.digest)
-
-
-def _may_share(row: Row[*tuple[Any, ...]]) -> bool:
-    return row.kind == JobKind.SOLVE.value and not row.alone
 
 
 _TAKEN = JobState.RUNNING, JobState.SUCCEEDED, JobState.FAILED

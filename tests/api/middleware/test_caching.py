@@ -149,7 +149,7 @@ def shut(monkeypatch):
     ):
         for name in names:
             monkeypatch.setattr(store, name, None)
-    monkeypatch.setattr("service.api.routes.solutions.audits.origin_of", None)
+    monkeypatch.setattr("service.api.routes.audits.origin_of", None)
 
 
 def test_304_reads_no_arrays(client, places, monkeypatch):

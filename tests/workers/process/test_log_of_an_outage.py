@@ -2,6 +2,7 @@
 
 import logging
 import sqlite3
+from types import SimpleNamespace
 
 import pytest
 from sqlalchemy import exc
@@ -60,9 +61,7 @@ def run(monkeypatch, caplog, nobody, presence):
         waker,
         service=None,
         announcements=None,
-        takes_jobs=lambda: True,
-        is_warm=lambda: True,
-        kernels=lambda: None,
+        readiness=SimpleNamespace(may_take_jobs=lambda: True, is_over=lambda: True, kernels=lambda: None),
         poll_seconds=0.0,
         grace_seconds=0.0,
     )

@@ -6,6 +6,7 @@ import signal
 import threading
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -207,9 +208,9 @@ def test_jobs_are_taken_after_the_first_stage_and_the_row_says_warm_after_the_se
         waker,
         service=recorder,
         announcements=None,
-        takes_jobs=recorder.takes_jobs,
-        is_warm=recorder.is_warm,
-        kernels=lambda: HALF,
+        readiness=SimpleNamespace(
+            may_take_jobs=recorder.takes_jobs, is_over=recorder.is_warm, kernels=lambda: HALF
+        ),
         poll_seconds=0.0,
         grace_seconds=0.0,
     )

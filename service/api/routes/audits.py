@@ -35,8 +35,7 @@ from service.api.queries.queries import (
     wait_seconds,
     without_query,
 )
-from service.api.replies.records import audit_out
-from service.api.replies.responses import AuditId, SolutionId, json_response, refusals
+from service.api.replies.responses import AuditId, SolutionId, audit_out, json_response, refusals
 from service.api.routes.jobs import SubmitQuery
 from service.api.submission import Made, SubmissionTerms, accept, check, queue
 from service.api.tagged import validator_headers

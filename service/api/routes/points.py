@@ -124,7 +124,7 @@ def _page(
     reader: PointReader,
     headers: Mapping[str, str],
 ) -> Response:
-    limit = _page_rows(wish.query.limit, reader)
+    limit = wish.query.limit or min(_most_rows(reader), DEFAULT_ROWS)
     # One more than the page has tells whether there is another one.
     query = replace(wish.query, limit=limit + 1)
     blocks = list(reader.blocks(query))
@@ -156,10 +156,6 @@ def _place(query: PointQuery, blocks: Sequence[PointBlock], row: int) -> list[fl
             return [number if math.isfinite(number) else None for number in numbers]
         row -= len(block.indices)
     raise IndexError(row)
-
-
-def _page_rows(asked: int | None, reader: PointReader) -> int:
-    return min(_most_rows(reader), DEFAULT_ROWS) if asked is None else asked
 
 
 def _most_rows(reader: PointReader) -> int:

@@ -13,8 +13,7 @@ from service.api.formats.lists import ListedRows, list_responses
 from service.api.middleware.heavy_answers import listed, read_list
 from service.api.queries.lists import AskingQuery, Listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
-from service.api.replies.records import solution_out
-from service.api.replies.responses import JSON, SolutionId, json_content, refusals
+from service.api.replies.responses import JSON, SolutionId, json_content, refusals, solution_out
 from service.api.tagged import validator_headers
 from service.dynamics.methods import SolvedBy
 from service.dynamics.problem import Tier

@@ -20,8 +20,7 @@ from service.api.middleware.heavy_answers import listed, read_list, while_connec
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import AskingQuery, PageQuery
 from service.api.queries.queries import Asked, QueryModel, asked_of, query_of, query_parameters, without_query
-from service.api.replies.records import sweep_out, sweep_state_out
-from service.api.replies.responses import SweepId, json_response, refusals
+from service.api.replies.responses import SweepId, json_response, refusals, sweep_out, sweep_state_out
 from service.api.submission import ESTIMATE_WORK, estimate_sweep
 from service.jobs.keys import ApiKey
 from service.jobs.queue import largest_chunk
