@@ -13,10 +13,9 @@ from polhode.jobs import Job
 from polhode.listings import Listing
 from polhode.lists import JobList
 from polhode.motions import Motion
-from polhode.studies import Answer, Hit, Numbers
+from polhode.studies import Answer, Hit, Judgement, Numbers
 from polhode.sweeps import Point, Sweep
 from polhode.transport.terms import operation
-from polhode.verdicts import Judgement
 
 FUNCTIONS = (ph.connect, ph.connect_async, ph.local, ph.problem, ph.linspace, ph.logspace, ph.uniform)
 CLASSES = {

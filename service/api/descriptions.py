@@ -11,8 +11,7 @@ from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 
 from service.api.keys.access import ACCESS, OPEN
-from service.api.replies.errors import MEDIA_TYPE, ApiError
-from service.api.replies.responses import VOLATILE, refusals
+from service.api.replies import MEDIA_TYPE, VOLATILE, ApiError, refusals
 from service.schemas.atlas.documents import AtlasIn
 from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
 from service.schemas.problem.sections import MarksPatchIn

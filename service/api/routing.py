@@ -19,7 +19,7 @@ from service.api.middleware.caching import Caching, Compression, HeadLikeGet
 from service.api.middleware.error_handlers import Observation
 from service.api.middleware.heavy_answers import FilesInTurns
 from service.api.middleware.security import Guard, Sharing
-from service.api.replies.responses import tag_of_content
+from service.api.replies import tag_of_content
 from service.api.routes import (
     analysis,
     atlases,

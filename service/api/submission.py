@@ -21,8 +21,7 @@ from service.api.dependencies import Resources
 from service.api.keys.idempotency import receipt_of
 from service.api.keys.limits import check_problem_samples
 from service.api.middleware.error_handlers import refusal_of
-from service.api.replies.errors import ApiError
-from service.api.replies.responses import json_response
+from service.api.replies import ApiError, json_response
 from service.api.verdicts.examiner import Submission
 from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import AccuracyTable
@@ -32,11 +31,9 @@ from service.jobs.kernels import most_missing
 from service.jobs.keys import ApiKey
 from service.jobs.records import Job, JobKind
 from service.sandbox import SandboxError, SandboxTimeoutError
-from service.schemas.problem.documents import JobIn
+from service.schemas.problem.documents import CheckedProblem, JobIn
 from service.schemas.problem.problem import check_problem, problem_digest, window_of
-from service.schemas.problem.rules import CheckedProblem
-from service.schemas.reading.annotation import split_annotation
-from service.schemas.reading.documents import Document, Fault, InvalidProblemError, first_of
+from service.schemas.reading.documents import Document, Fault, InvalidProblemError, first_of, split_annotation
 from service.schemas.replies.job import JobItemOut
 from service.schemas.replies.response_model import ResponseModel
 from service.schemas.replies.sweep import CostEstimateOut, RefusedItemOut, SlowPart

@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperCommand
 
 from service.local.workers import worker_command
-from service.stopping import hold_signals
+from service.startup import hold_signals
 from service.terminal import say
 
 if TYPE_CHECKING:

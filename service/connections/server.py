@@ -22,8 +22,7 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
-from service.api.replies.errors import MEDIA_TYPE, ApiError
-from service.api.replies.responses import PART_BYTES, REQUEST_ID, server_name
+from service.api.replies import MEDIA_TYPE, PART_BYTES, REQUEST_ID, ApiError, server_name
 from service.connections.gate import Gate, Phase
 from service.logs import Complaints
 from service.settings import Settings

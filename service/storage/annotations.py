@@ -6,7 +6,7 @@ from typing import TypeVar
 from sqlalchemy import Connection, bindparam, delete, insert, select, update
 from sqlalchemy.orm import Session
 
-from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Annotation
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import LABELS_OF, JobLabelRow, JobRow, SolutionLabelRow
 from service.storage.tables.solutions import SolutionRow, SweepRow

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from sqlalchemy.orm import configure_mappers
 
 from service.jobs.records import Claim, JobKind, JobResult, Refused, Solved
-from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Annotation
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import VARIABLE, Database
 from service.storage.database.rows import new_id

@@ -38,7 +38,7 @@ from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.settings import Settings, read_settings
-from service.stopping import StopAsked
+from service.startup import StopAsked
 from service.storage.codecs.packing import SOLVED, ChunkPoints, bounds_of
 from service.terminal import STANDARD_STREAM, OutputFile, answer, read_document, say
 from workers.cli.compile import compile_solvers

@@ -40,8 +40,7 @@ from service.sandbox import (
     cause_of_death,
 )
 from service.settings import Settings
-from service.startup import keep_what_is_loaded, use_one_thread
-from service.stopping import StopAsked
+from service.startup import StopAsked, keep_what_is_loaded, use_one_thread
 from workers.process.pool import ChildrenPool, Pool
 from workers.process.tasks import Call, WarmUp, WorkerTasks
 

@@ -18,7 +18,7 @@ from service.local.wakeup import WARM, WorkerSocket
 from service.local.workers import WorkerProcess, new_worker_name, this_host
 from service.logs import Complaints, about
 from service.settings import Settings
-from service.stopping import StopAsked
+from service.startup import StopAsked
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import JobStore

@@ -27,11 +27,11 @@ from service.api.formats.negotiation import (
 )
 from service.api.queries.lists import MOST_ITEMS, Listing, link_to
 from service.api.queries.queries import ListFormatName, refuse_if_any
-from service.api.replies.responses import PiecedAnswer, json_content, json_response, refusals
+from service.api.replies import PiecedAnswer, json_content, json_response, refusals
 from service.csv_text import CRLF, csv_blocks
 from service.schemas.atlas.documents import AtlasOut
 from service.schemas.atlas.showing import INTEGERS, NUMBERS, atlas_columns, picture_of
-from service.schemas.query.conditions import Kind, ListQuery, Subject, Value
+from service.schemas.query.terms import Kind, ListQuery, Subject, Value
 from service.schemas.reading.documents import Document, Fault, instant_text
 from service.schemas.replies.response_model import ResponseModel
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 
-from service.api.replies.errors import ApiError
+from service.api.replies import ApiError
 from service.dynamics.problem import Problem, TimeList
 from service.jobs.keys import ApiKey
 from service.jobs.records import POINTS_PER_JOB, queued_as

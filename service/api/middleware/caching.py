@@ -12,7 +12,7 @@ from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.formats.negotiation import Encoder, encoded, encoder, preferred_coding
-from service.api.replies.responses import (
+from service.api.replies import (
     NO_STORE,
     PART_BYTES,
     REVALIDATE,

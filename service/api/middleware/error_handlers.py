@@ -14,8 +14,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.dependencies import Resources
-from service.api.replies.errors import ApiError, invalid_request
-from service.api.replies.responses import REQUEST_ID, server_name
+from service.api.replies import REQUEST_ID, ApiError, invalid_request, server_name
 from service.dashboard.routes import show_missing, wants_page
 from service.dynamics.errors import DynamicsError
 from service.jobs.records import (

@@ -20,7 +20,7 @@ from starlette.websockets import WebSocketClose
 from service.api.dependencies import Resources
 from service.api.keys.access import OPEN, OPTIONS, SECOND_LOOK_SECONDS, Access
 from service.api.middleware.error_handlers import RATE, respond
-from service.api.replies.errors import ApiError
+from service.api.replies import ApiError
 from service.jobs.keys import ApiKey, KeyStanding, Role, key_prefix
 from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import HIGHEST_PRIORITY

@@ -20,21 +20,22 @@ from fastapi import Request, Response
 from pydantic import Field
 
 from service.api.queries.queries import FORMAT_HELP, Asked, ListFormatName, QueryModel, refuse_if_any
-from service.api.replies.responses import json_response
+from service.api.replies import json_response
 from service.jobs.records import JobState
-from service.schemas.query.conditions import (
+from service.schemas.query.reading import read_columns, read_names, read_order, read_where
+from service.schemas.query.terms import (
     ID,
     Condition,
     Excerpt,
+    Fact,
     Kind,
     ListQuery,
     OrderKey,
     Subject,
     Value,
+    Vocabulary,
     split,
 )
-from service.schemas.query.facts import Fact, Vocabulary
-from service.schemas.query.reading import read_columns, read_names, read_order, read_where
 from service.schemas.reading.documents import Fault, instant_text
 from service.schemas.replies.sweep import QueryEstimateOut, SlowPart
 from service.storage.database.database import SEARCH_SECONDS

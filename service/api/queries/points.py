@@ -13,9 +13,8 @@ from pydantic import Field
 
 from service.api.queries.lists import FARTHEST, InvalidCursorError, place_of
 from service.api.queries.queries import FORMAT_HELP, Asked, FormatName, QueryModel, refuse_if_any
-from service.schemas.query.conditions import Kind, OrderKey
-from service.schemas.query.facts import Fact, Vocabulary
 from service.schemas.query.reading import read_columns, read_order, read_where
+from service.schemas.query.terms import Fact, Kind, OrderKey, Vocabulary
 from service.schemas.reading.documents import Fault
 from service.schemas.sweep.sweep import Sweep
 from service.storage.sweeps.point_reader import INDEX, OUTCOME, PointQuery

@@ -10,7 +10,7 @@ from service.api.middleware.heavy_answers import heavy
 from service.api.queries.lists import FacetsQuery, StatisticsQuery, estimate_of, read_facets, read_statistics
 from service.api.queries.points import vocabulary_of
 from service.api.queries.queries import Asked, asked_of, query_parameters
-from service.api.replies.responses import SweepId, json_response, refusals
+from service.api.replies import SweepId, json_response, refusals
 from service.schemas.replies.sweep import (
     FacetOut,
     FacetsOut,

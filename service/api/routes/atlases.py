@@ -8,8 +8,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
-from service.api.bodies import Body, read_json
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import Body, Inside, Resources, read_json
 from service.api.descriptions import request_body
 from service.api.formats.lists import choose_format, list_responses, media_types
 from service.api.formats.negotiation import Accept
@@ -26,7 +25,7 @@ from service.api.queries.queries import (
     wants_job,
     without_query,
 )
-from service.api.replies.responses import AtlasId, refusals
+from service.api.replies import AtlasId, refusals
 from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_listed, shown
 from service.api.submission import SubmissionTerms, queue_result
 from service.api.tagged import validator_headers
@@ -35,7 +34,7 @@ from service.api.verdicts.verdict_queue import Claimant
 from service.jobs.records import JobKind
 from service.sandbox import SandboxTimeoutError
 from service.schemas.atlas.documents import AtlasOut, read_atlas
-from service.schemas.query.conditions import in_state
+from service.schemas.query.terms import in_state
 from service.schemas.reading.documents import Document
 from service.schemas.replies.job import JobOut, JobPageOut
 from service.schemas.replies.sweep import QueryEstimateOut

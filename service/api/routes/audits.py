@@ -14,8 +14,7 @@ from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
-from service.api.bodies import BodyIfAny, read_json
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import BodyIfAny, Inside, Resources, read_json
 from service.api.descriptions import request_body
 from service.api.formats.lists import ListedRows, list_responses
 from service.api.formats.negotiation import JSON, Accept, preferred
@@ -35,7 +34,7 @@ from service.api.queries.queries import (
     wait_seconds,
     without_query,
 )
-from service.api.replies.responses import AuditId, SolutionId, audit_out, json_response, refusals
+from service.api.replies import AuditId, SolutionId, audit_out, json_response, refusals
 from service.api.routes.jobs import SubmitQuery
 from service.api.submission import Made, SubmissionTerms, accept, check, queue
 from service.api.tagged import validator_headers

@@ -7,13 +7,12 @@ from typing import Annotated, TypeVar
 
 from fastapi import APIRouter, Header, Request, Response
 
-from service.api.bodies import JSON, MERGE_PATCH, Patch, read_json
-from service.api.dependencies import Inside
+from service.api.dependencies import JSON, MERGE_PATCH, Inside, Patch, read_json
 from service.api.descriptions import request_body
 from service.api.middleware.security import Holder, check_owner
 from service.api.queries.queries import without_query
-from service.api.replies.errors import ApiError
-from service.api.replies.responses import (
+from service.api.replies import (
+    ApiError,
     JobId,
     SolutionId,
     SweepId,
@@ -30,8 +29,15 @@ from service.api.tagged import solution_tag
 from service.jobs.keys import ApiKey
 from service.jobs.records import Job, SweepRecord
 from service.schemas.problem.sections import MarksPatchIn
-from service.schemas.reading.annotation import MOST_LABELS, Annotation, patched
-from service.schemas.reading.documents import Document, Fault, InvalidProblemError, Part
+from service.schemas.reading.documents import (
+    MOST_LABELS,
+    Annotation,
+    Document,
+    Fault,
+    InvalidProblemError,
+    Part,
+    patched,
+)
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.job import JobOut
 from service.schemas.replies.response_model import ResponseModel

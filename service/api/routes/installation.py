@@ -17,8 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from service.api.dependencies import Checks, Inside, Resources
 from service.api.prometheus import TEXT_FORMAT
 from service.api.queries.queries import QueryModel, query_of, query_parameters, without_query
-from service.api.replies.errors import ApiError
-from service.api.replies.responses import json_response, refusals, tag_of_content
+from service.api.replies import ApiError, json_response, refusals, tag_of_content
 from service.catalogue import cases, classical, families
 from service.dashboard.routes import HEADERS
 from service.dynamics.accuracy import MotionKind

@@ -10,8 +10,7 @@ from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
-from service.api.bodies import Body, read_json
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import Body, Inside, Resources, read_json
 from service.api.descriptions import request_body
 from service.api.formats.lists import ListedRows, list_responses
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
@@ -28,8 +27,7 @@ from service.api.queries.queries import (
     wait_seconds,
     without_query,
 )
-from service.api.replies.errors import ApiError
-from service.api.replies.responses import JobId, job_out, json_response, refusals
+from service.api.replies import ApiError, JobId, job_out, json_response, refusals
 from service.api.submission import (
     ESTIMATE_WORK,
     Made,
@@ -46,7 +44,7 @@ from service.api.submission import (
 from service.api.verdicts.examiner import Submission
 from service.jobs.queue import Lane
 from service.jobs.records import Job, JobKind, JobPage, JobState
-from service.schemas.query.conditions import ListQuery, in_state
+from service.schemas.query.terms import ListQuery, in_state
 from service.schemas.reading.documents import Document
 from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
 from service.schemas.replies.sweep import CostEstimateOut, QueryEstimateOut

@@ -44,8 +44,7 @@ from service.api.queries.points import (
     read_wish,
 )
 from service.api.queries.queries import Asked, asked_of, query_parameters, refuse_if_any, without_query
-from service.api.replies.errors import ApiError, invalid_request
-from service.api.replies.responses import PiecedAnswer, SweepId, refusals
+from service.api.replies import ApiError, PiecedAnswer, SweepId, invalid_request, refusals
 from service.api.tagged import validator_headers
 from service.jobs.records import SweepRecord
 from service.schemas.reading.documents import Document, Fault

@@ -7,8 +7,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
-from service.api.bodies import Body, read_json
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import Body, Inside, Resources, read_json
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key
 from service.api.middleware.heavy_answers import heavy, while_connected
@@ -21,7 +20,7 @@ from service.api.queries.queries import (
     wants_job,
     without_query,
 )
-from service.api.replies.responses import JobId, job_out, json_response, refusals
+from service.api.replies import JobId, job_out, json_response, refusals
 from service.api.routes.jobs import UrgencyQuery
 from service.api.submission import SubmissionTerms, queue_result
 from service.api.tagged import validator_headers

@@ -9,8 +9,7 @@ from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
-from service.api.bodies import Body, read_json
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import Body, Inside, Resources, read_json
 from service.api.descriptions import request_body
 from service.api.formats.lists import ListedRows, list_responses
 from service.api.formats.negotiation import JSON, Accept, preferred
@@ -20,14 +19,13 @@ from service.api.middleware.heavy_answers import listed, read_list, while_connec
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import AskingQuery, PageQuery
 from service.api.queries.queries import Asked, QueryModel, asked_of, query_of, query_parameters, without_query
-from service.api.replies.responses import SweepId, json_response, refusals, sweep_out, sweep_state_out
+from service.api.replies import SweepId, json_response, refusals, sweep_out, sweep_state_out
 from service.api.submission import ESTIMATE_WORK, estimate_sweep
 from service.jobs.keys import ApiKey
 from service.jobs.queue import largest_chunk
 from service.jobs.records import Job, JobState, SweepPage, SweepRecord
-from service.schemas.query.conditions import in_state
-from service.schemas.reading.annotation import split_annotation
-from service.schemas.reading.documents import Document, Fault, Part
+from service.schemas.query.terms import in_state
+from service.schemas.reading.documents import Document, Fault, Part, split_annotation
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.solution import ProvenanceGraphOut
 from service.schemas.replies.sweep import CostEstimateOut, QueryEstimateOut, SweepOut, SweepPageOut

@@ -29,8 +29,7 @@ from service.api.queries.queries import (
     refuse_if_any,
     without_query,
 )
-from service.api.replies.errors import ApiError
-from service.api.replies.responses import SolutionId, json_response, refusals
+from service.api.replies import ApiError, SolutionId, json_response, refusals
 from service.api.tagged import validator_headers
 from service.dynamics.equations.orientation import (
     PRECESSION,

@@ -16,12 +16,11 @@ from polhode.jobs import WAIT_SECONDS, Job, motion_of, submit
 from polhode.listings import Listing
 from polhode.lists import JobList, motions_of, stored_list, submit_list
 from polhode.motions import Motion
-from polhode.studies import Questions
+from polhode.studies import Judgement, Questions
 from polhode.sweeps import Sweep
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import MERGE_PATCH, ask, ask_json, follow
 from polhode.transport.terms import Operation, operation
-from polhode.verdicts import Judgement
 
 Resource = Job[CarrierT] | Motion[CarrierT] | Sweep[CarrierT]
 

@@ -16,10 +16,9 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.exact import exact_number
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Accept
-from service.schemas.problem.documents import MEMBERS
+from service.schemas.problem.documents import MEMBERS, read_setting
 from service.schemas.problem.potentials import PotentialIn
 from service.schemas.problem.problem import each_once
-from service.schemas.problem.rules import read_setting
 from service.schemas.problem.sections import BodyIn
 from service.schemas.problem.trusted import body_of, potential_of, sign_of
 from service.schemas.reading.documents import InvalidProblemError, Part, fault_of

@@ -46,8 +46,15 @@ from service.dynamics.potentials.families.general_solution import QUADRANTS, Qua
 from service.dynamics.potentials.potential import FormulaPotential, Potential
 from service.dynamics.potentials.terms.bound_formula import named_formula
 from service.dynamics.problem import Problem, StateMotion
-from service.schemas.problem.documents import MEMBERS, ProblemIn, ValidationIn
-from service.schemas.problem.rules import CheckedProblem, Reading, combination_faults, read_setting
+from service.schemas.problem.documents import (
+    MEMBERS,
+    CheckedProblem,
+    ProblemIn,
+    Reading,
+    ValidationIn,
+    combination_faults,
+    read_setting,
+)
 from service.schemas.problem.trusted import (
     CACHED,
     CurveNumber,

@@ -23,8 +23,14 @@ from pydantic import (
 
 from service.dynamics.accuracy import CERTIFIED_BITS, LARGEST_TOLERANCE, SMALLEST_TOLERANCE, TIERS
 from service.dynamics.problem import Tier
-from service.schemas.reading.annotation import LABEL_KEY, LABEL_KEYS, LONGEST_NOTE, LONGEST_VALUE, MOST_LABELS
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import (
+    LABEL_KEY,
+    LABEL_KEYS,
+    LONGEST_NOTE,
+    LONGEST_VALUE,
+    MOST_LABELS,
+    Document,
+)
 from service.schemas.reading.numbers import (
     MAX_SAMPLES,
     Instant,

@@ -5,9 +5,9 @@ from typing import Literal
 
 from pydantic import Field
 
-from service.schemas.replies.job import StateName
 from service.schemas.replies.response_model import Columns, PageOut, ResponseModel
 from service.schemas.replies.solution import ProvenanceOut
+from service.schemas.replies.summary import StateName
 
 
 class SweepStateOut(ResponseModel):

@@ -31,9 +31,8 @@ from service.jobs.records import (
     Solved,
     SolveOutcome,
 )
-from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.schemas.reading.documents import Part
+from service.schemas.query.terms import ListQuery
+from service.schemas.reading.documents import UNANNOTATED, Annotation, Part
 from service.storage.annotations import rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, is_id

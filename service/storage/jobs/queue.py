@@ -33,9 +33,8 @@ from sqlalchemy.orm import Session
 
 from service.jobs.queue import Lane, gap_for, turns
 from service.jobs.records import JobKind, JobState
-from service.schemas.query.facts import facts_of
-from service.schemas.reading.annotation import Annotation
-from service.schemas.reading.documents import Document, Part
+from service.schemas.query.terms import facts_of
+from service.schemas.reading.documents import Annotation, Document, Part
 from service.storage.annotations import insert_labels
 from service.storage.database.database import Database, is_postgres
 from service.storage.database.rows import database_now, new_id

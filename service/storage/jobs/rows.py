@@ -32,9 +32,8 @@ from service.jobs.records import (
     pause_after,
     sources,
 )
-from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.annotation import Annotation
-from service.schemas.reading.documents import Document, instant_text
+from service.schemas.query.terms import ListQuery
+from service.schemas.reading.documents import Annotation, Document, instant_text
 from service.storage.annotations import annotations_of
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant, optional_instant, rows_of_page

@@ -27,7 +27,7 @@ from sqlalchemy import (
 from sqlalchemy.orm import Session
 from sqlalchemy.sql.operators import custom_op
 
-from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject, Value
+from service.schemas.query.terms import Condition, Kind, OrderKey, Subject, Value
 from service.storage.database.database import is_postgres
 from service.storage.searching.sources import Expression, Source
 

@@ -17,9 +17,8 @@ from service.jobs.records import (
     ResultNotFoundError,
     SolutionNotFoundError,
 )
-from service.schemas.query.conditions import ListQuery, Value
-from service.schemas.reading.annotation import UNANNOTATED
-from service.schemas.reading.documents import Document, Part
+from service.schemas.query.terms import ListQuery, Value
+from service.schemas.reading.documents import UNANNOTATED, Document, Part
 from service.storage.codecs.packing import decode_document
 from service.storage.database.database import Database
 from service.storage.database.rows import is_id

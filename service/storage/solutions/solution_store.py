@@ -15,9 +15,8 @@ from sqlalchemy import Connection, Select, bindparam, exists, select
 from sqlalchemy.orm import Session
 
 from service.jobs.records import Attempt, SolutionNotFoundError
-from service.schemas.query.conditions import ListQuery, Value
-from service.schemas.reading.annotation import Annotation
-from service.schemas.reading.documents import Part
+from service.schemas.query.terms import ListQuery, Value
+from service.schemas.reading.documents import Annotation, Part
 from service.schemas.replies.summary import SolutionSummary
 from service.storage.annotations import annotations_of, rewrite
 from service.storage.database.database import Database

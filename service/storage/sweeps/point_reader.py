@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject
+from service.schemas.query.terms import Condition, Kind, OrderKey, Subject
 from service.schemas.sweep.sweep import Sweep
 from service.storage.codecs.packing import decode_points
 from service.storage.sweeps.sweep_store import StoredChunk, SweepStore

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.schemas.query.conditions import Condition, Value
+from service.schemas.query.terms import Condition, Value
 from service.schemas.sweep.sweep import Sweep
 from service.storage.searching.statistics import Facet, Statistic, statistic_of
 from service.storage.sweeps.point_reader import (

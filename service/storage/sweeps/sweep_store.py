@@ -20,10 +20,8 @@ from service.jobs.records import (
     SweepProgress,
     SweepRecord,
 )
-from service.schemas.query.conditions import ListQuery
-from service.schemas.query.facts import facts_of
-from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.schemas.reading.documents import Part
+from service.schemas.query.terms import ListQuery, facts_of
+from service.schemas.reading.documents import UNANNOTATED, Annotation, Part
 from service.storage.annotations import annotations_of, insert_labels, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant, is_id, new_id, optional_instant, rows_of_page

@@ -7,8 +7,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, JobKind, JobState
-from service.schemas.reading.annotation import LONGEST_KEY, LONGEST_NOTE, LONGEST_VALUE
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import LONGEST_KEY, LONGEST_NOTE, LONGEST_VALUE, Document
 from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Word
 from service.storage.tables.solutions import SolutionRow, SweepRow
 

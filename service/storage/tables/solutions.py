@@ -17,8 +17,7 @@ from sqlalchemy import (
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.records import JobState
-from service.schemas.reading.annotation import LONGEST_NOTE
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import LONGEST_NOTE, Document
 from service.schemas.replies.summary import SolutionSummary
 from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Word
 
@@ -76,7 +75,7 @@ class SolutionRow(AskedColumns, Base):
     job_id: Mapped[str] = mapped_column(Uuid(as_uuid=False), unique=True)
     digest: Mapped[str] = mapped_column(index=True)
     facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
-    """The numbers of the problem by JSON pointer: see :mod:`service.schemas.query.facts`."""
+    """The numbers of the problem by JSON pointer: see :mod:`service.schemas.query.terms`."""
     note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
     # After all that is short: on SQLite what is read of a row costs what stands before it.
     problem: Mapped[Document] = mapped_column(sort_order=1)
@@ -99,7 +98,7 @@ class SolutionNumberRow(AskedColumns, Base):
     )
 
     key: Mapped[str] = mapped_column("name", Text(), sort_order=-1)
-    """As in the facts: see :func:`service.schemas.query.facts.stored_name`."""
+    """As in the facts: see :func:`service.schemas.query.terms.stored_name`."""
     value: Mapped[float] = mapped_column(sort_order=-1)
     owner_id: Mapped[str] = mapped_column("solution_id", Uuid(as_uuid=False), sort_order=-1)
 

@@ -16,7 +16,7 @@ from service.api.keys.access import (
     MissingRoleError,
     check_roles,
 )
-from service.api.replies.errors import TITLES
+from service.api.replies import TITLES
 from service.jobs.keys import KeyStanding, Role
 from service.settings import Settings
 from service.storage.database.database import Database

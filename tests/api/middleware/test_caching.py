@@ -6,7 +6,7 @@ import re
 import pytest
 
 from service.api.keys.access import ACCESS
-from service.api.replies.responses import (
+from service.api.replies import (
     IMMUTABLE,
     NO_STORE,
     REVALIDATE,
@@ -15,7 +15,7 @@ from service.api.replies.responses import (
 from service.api.tagged import TAGGED
 from service.cache import Cache
 from service.jobs.keys import Role
-from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Annotation
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import JobStore
 from service.storage.keys import KeyStore

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from service.jobs.keys import Role
 from service.jobs.records import JobKind, JobResult, JobState, Solved
-from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Annotation
 from service.storage.codecs.packing import encode_document
 from service.storage.database.availability import file_of
 from service.storage.database.database import Database

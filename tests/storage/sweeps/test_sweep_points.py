@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject
+from service.schemas.query.terms import Condition, Kind, OrderKey, Subject
 from service.schemas.sweep.reading import read_sweep
 from service.storage.codecs.packing import SOLVED
 from service.storage.sweeps import point_reader

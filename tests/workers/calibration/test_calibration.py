@@ -15,7 +15,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.potentials.recognition.three_terms import recognise
 from service.schemas.problem.problem import read_problem
-from service.schemas.query.conditions import ListQuery
+from service.schemas.query.terms import ListQuery
 from service.schemas.replies.installation import AccuracyTableModel
 from service.storage.codecs.packing import decode_arrays
 from service.storage.database.database import Database
