@@ -16,8 +16,8 @@ from service.api.descriptions import describe
 from service.api.keys.access import ByShape, check_roles
 from service.api.middleware import error_handlers
 from service.api.middleware.caching import Caching, Compression, HeadLikeGet
-from service.api.middleware.error_handlers import Observation
 from service.api.middleware.heavy_answers import FilesInTurns
+from service.api.middleware.observing import Observation
 from service.api.middleware.security import Guard, Sharing
 from service.api.replies import tag_of_content
 from service.api.routes import (

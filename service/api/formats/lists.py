@@ -131,7 +131,8 @@ class ListedRows(Generic[Found]):
         kinds = {each.text: _KINDS[each.kind] for each in columns_of(listing)}
         batches = (_batch(kinds, found.values) for found in pages)
         if media_type == CSV:
-            return _csv(kinds, batches)
+            texts = ([_text(batch[name]) for name in kinds] for batch in batches)
+            return csv_blocks(kinds, texts, CRLF)
         from service.api.formats.arrow import arrow_batches, parquet_groups  # noqa: PLC0415
 
         return (arrow_batches if media_type == ARROW else parquet_groups)(kinds, batches, {})
@@ -184,12 +185,6 @@ def _column(kind: ColumnKind, values: Sequence[Value | None]) -> NDArray[np.gene
     column = np.empty(len(values), dtype=np.object_)
     column[:] = values
     return column
-
-
-def _csv(
-    kinds: Mapping[str, ColumnKind], batches: Iterable[Mapping[str, NDArray[np.generic]]]
-) -> Iterator[bytes]:
-    return csv_blocks(kinds, ([_text(batch[name]) for name in kinds] for batch in batches), CRLF)
 
 
 def _text(column: NDArray[np.generic]) -> NDArray[np.generic]:
@@ -250,14 +245,10 @@ def _arrow_of_atlas(atlas: AtlasOut) -> Response:
     return Response(content, media_type="application/vnd.apache.arrow.stream")
 
 
-def _svg_of_atlas(atlas: AtlasOut) -> Response:
-    return Response(picture_of(atlas), media_type="image/svg+xml")
-
-
 FORMATS: Mapping[str, Writer] = {
     "application/json": json_response,
     "text/csv": _csv_of_atlas,
     "application/vnd.apache.arrow.stream": _arrow_of_atlas,
-    "image/svg+xml": _svg_of_atlas,
+    "image/svg+xml": lambda atlas: Response(picture_of(atlas), media_type="image/svg+xml"),
 }
 """The writer of each media type."""

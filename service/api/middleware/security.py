@@ -19,7 +19,8 @@ from starlette.websockets import WebSocketClose
 
 from service.api.dependencies import Resources
 from service.api.keys.access import OPEN, OPTIONS, SECOND_LOOK_SECONDS, Access
-from service.api.middleware.error_handlers import RATE, respond
+from service.api.middleware.error_handlers import respond
+from service.api.middleware.observing import RATE
 from service.api.replies import ApiError
 from service.jobs.keys import ApiKey, KeyStanding, Role, key_prefix
 from service.schemas.reading.documents import Fault
@@ -170,7 +171,9 @@ class Guard:
             try:
                 headers = Headers(scope=scope)
                 check_length(scope["http_version"], headers)
-                check_origin(scope["method"], headers, _trusted(scope["app"].state.resources.settings))
+                settings: Settings = scope["app"].state.resources.settings
+                trusted = origins_in(settings.origins) | origins_in(settings.cors_origins)
+                check_origin(scope["method"], headers, trusted)
                 key = await self._admit(scope)
             except (ApiError, HTTPException, SQLAlchemyError) as error:
                 answer = await respond(Request(scope), error)
@@ -201,10 +204,6 @@ class Guard:
         if key is not None and needed is not OPEN and not key.role.may(needed):
             raise _role_insufficient(key, needed)
         return key
-
-
-def _trusted(settings: Settings) -> frozenset[str]:
-    return origins_in(settings.origins) | origins_in(settings.cors_origins)
 
 
 def holder_of(request: Request) -> ApiKey | None:

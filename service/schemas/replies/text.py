@@ -38,7 +38,8 @@ def describe_classification(found: ClassificationOut) -> Iterator[str]:
             yield f"also        {_near(case)}"
     for integrable in found.integrable:
         verb = "holds" if integrable.holds else "does not hold"
-        yield f"integrable  {integrable.case} {verb}: {_residuals(integrable.residuals)}"
+        residuals = ", ".join(f"{name} {left:.3g}" for name, left in integrable.residuals.items())
+        yield f"integrable  {integrable.case} {verb}: {residuals}"
 
 
 def _near(case: NearCaseOut) -> str:
@@ -49,10 +50,6 @@ def _near(case: NearCaseOut) -> str:
         if case.distance is None
         else f"at most {case.distance:.3g} away"
     )
-
-
-def _residuals(residuals: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {left:.3g}" for name, left in residuals.items())
 
 
 DIGITS = 6
