@@ -94,7 +94,7 @@ class JobRow(Base):
     changed_at: Mapped[float] = mapped_column(
         default=DatabaseNow(), onupdate=DatabaseNow(), server_default="0"
     )
-    """When anything of it was last written but a lease that was prolonged: see :mod:`..jobs.changes`."""
+    """When anything of it was last written but a lease that was prolonged: see :mod:`..jobs.rows`."""
 
 
 class AttemptRow(Base):

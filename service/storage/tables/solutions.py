@@ -202,7 +202,7 @@ class SweepRow(Base):
     changed_at: Mapped[float] = mapped_column(
         default=DatabaseNow(), onupdate=DatabaseNow(), server_default="0"
     )
-    """When anything of it was last written: see :mod:`..jobs.changes`."""
+    """When anything of it was last written: see :mod:`..jobs.rows`."""
     provenances: Mapped[list[Document] | None] = mapped_column(JSON(none_as_null=True))
     """Origins of its chunks: each provenance of a solution once, with the names of its ``hosts``."""
 
