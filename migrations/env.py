@@ -4,7 +4,7 @@ from alembic import context
 from sqlalchemy import Connection, Engine
 
 from service.storage.database.migration import as_one_writer
-from service.storage.tables.schema import METADATA
+from service.storage.tables.operations import METADATA
 
 
 def hold_references(connection: Connection) -> None:

@@ -29,16 +29,13 @@ from service.settings import Settings
 from service.storage.database.cached_reads import CachedReads
 from service.storage.database.database import Database
 from service.storage.examinations import ExaminationStore
-from service.storage.jobs.changes import ChangeReader
 from service.storage.jobs.job_store import JobStore
-from service.storage.jobs.worker_registry import SILENT_LEASES
-from service.storage.keys.idempotency_store import IdempotencyStore
-from service.storage.keys.key_store import KeyStore
-from service.storage.solutions.audit_store import AuditStore
-from service.storage.solutions.result_store import ResultStore
+from service.storage.jobs.rows import ChangeReader
+from service.storage.keys import IdempotencyStore, KeyStore
+from service.storage.solutions.result_store import AuditStore, ResultStore
 from service.storage.solutions.solution_store import SolutionStore
 from service.storage.sweeps.sweep_store import SweepStore
-from service.storage.upkeep.presence import ServicePresence
+from service.storage.upkeep.presence import SILENT_LEASES, ServicePresence
 from service.storage.upkeep.retention import DAY_SECONDS, Retention
 from service.storage.upkeep.statistics import Statistics
 from service.verdicts.starting import VerdictChildren, verdict_children

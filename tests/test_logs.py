@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from service.app import create_app
-from service.local.worker_process import worker_environment
+from service.local.workers import worker_environment
 from service.logs import about, call_about, current_logging, mask, start_logging
 from service.sandbox import Sandbox
 from service.settings import Settings

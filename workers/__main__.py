@@ -2,8 +2,7 @@
 
 import sys
 
-from service.startup import collect_seldom, use_one_thread
-from service.stopping import end_at_once
+from service.startup import collect_seldom, end_at_once, use_one_thread
 
 
 def main() -> int:

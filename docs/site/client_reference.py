@@ -6,18 +6,16 @@ from collections.abc import Callable, Iterator
 from types import FunctionType
 
 import polhode as ph
-from polhode.atlases import Atlas
-from polhode.bands import Band, Change, Part
+from polhode.atlases import Atlas, Band, Change, Part
 from polhode.clients import Operations
 from polhode.evaluation import FunctionOfTime
 from polhode.jobs import Job
 from polhode.listings import Listing
 from polhode.lists import JobList
 from polhode.motions import Motion
-from polhode.studies import Answer, Hit, Numbers
+from polhode.studies import Answer, Hit, Judgement, Numbers
 from polhode.sweeps import Point, Sweep
-from polhode.transport.steps import operation
-from polhode.verdicts import Judgement
+from polhode.transport.terms import operation
 
 FUNCTIONS = (ph.connect, ph.connect_async, ph.local, ph.problem, ph.linspace, ph.logspace, ph.uniform)
 CLASSES = {

@@ -11,11 +11,10 @@ from fastapi.openapi.utils import get_openapi
 from pydantic.json_schema import models_json_schema
 
 from service.api.keys.access import ACCESS, OPEN
-from service.api.replies.errors import MEDIA_TYPE, ApiError
-from service.api.replies.responses import VOLATILE, refusals
-from service.schemas.atlas.reading import AtlasIn
+from service.api.replies import MEDIA_TYPE, VOLATILE, ApiError, refusals
+from service.schemas.atlas.documents import AtlasIn
 from service.schemas.problem.documents import AuditIn, JobIn, ValidationIn
-from service.schemas.reading.annotation_in import MarksPatchIn
+from service.schemas.problem.sections import MarksPatchIn
 from service.schemas.reading.documents import Document, Fault
 from service.schemas.replies.job import ProblemDetailsOut
 from service.schemas.study.reading import MODELS as STUDIES
@@ -40,23 +39,7 @@ _IF_NONE_MATCH = {
     "description": "The `ETag` of an earlier answer: 304 without a body if nothing has changed since.",
     "schema": {"type": "string"},
 }
-_EVENT_STREAM = "text/event-stream"
 _NOT_MODIFIED = {"description": "The client has the current answer already."}
-
-_REFUSAL = {
-    "type": "urn:polhode:problem:invalid_problem",
-    "title": "The document is not a valid problem",
-    "status": 422,
-    "detail": "/body/A: 0 is not positive; a moment of inertia is > 0",
-    "errors": [
-        {
-            "pointer": "/body/A",
-            "code": "invalid_inertia",
-            "message": "0 is not positive; a moment of inertia is > 0",
-        }
-    ],
-    "request_id": "019f0000-0000-7000-8000-000000000000",
-}
 
 
 def request_body(
@@ -116,7 +99,7 @@ def _describe_refusals(schemas: dict[str, dict[str, Any]]) -> None:
     """Add what pydantic cannot express: required fields of refusals, and refusals inside a list's answer."""
     problem = schemas["ProblemDetailsOut"]
     problem["required"] = ["type", "title", "status", "detail"]
-    problem["examples"] = [_REFUSAL]
+    problem["examples"] = [_shown(REFUSALS[422])]
     properties = schemas["JobItemOut"]["properties"]
     refusal = {"$ref": _TEMPLATE.format(model="ProblemDetailsOut")}
     properties["problem"] = {
@@ -143,7 +126,7 @@ def _describe_conditions(document: Part) -> None:
         if "get" not in operations or path in VOLATILE:
             continue
         operation = operations["get"]
-        if _EVENT_STREAM in operation["responses"]["200"]["content"]:
+        if "text/event-stream" in operation["responses"]["200"]["content"]:
             continue  # has no tag: it is never the same
         operation.setdefault("parameters", []).append(_IF_NONE_MATCH)
         operation["responses"] = dict(sorted({**operation["responses"], "304": _NOT_MODIFIED}.items()))
@@ -152,7 +135,6 @@ def _describe_conditions(document: Part) -> None:
 RECORDED = Path(__file__).with_name("examples.json")
 """``{operation id: {status: {media type: {name: answer}}}}``, as a service answered."""
 _PLACE = "#/components/examples/"
-_REQUEST_ID = "019f0000-0000-7000-8000-000000000000"
 
 _FAULT = Fault("/body/A", "invalid_inertia", "0 is not positive; a moment of inertia is > 0")
 REFUSALS: Mapping[int, ApiError] = {
@@ -179,6 +161,10 @@ REFUSALS: Mapping[int, ApiError] = {
 """One refusal for each status that some route has."""
 
 
+def _shown(refusal: ApiError) -> Document:
+    return {**refusal.document(), "request_id": "019f0000-0000-7000-8000-000000000000"}
+
+
 @cache
 def recorded() -> Mapping[str, Mapping[str, Mapping[str, Document]]]:
     """Return the recorded answers."""
@@ -189,8 +175,7 @@ def recorded() -> Mapping[str, Mapping[str, Mapping[str, Document]]]:
 def describe_examples(document: dict[str, Any]) -> None:
     """Add an example to every answer that has a body of text."""
     document["components"]["examples"] = {
-        str(status): {"summary": error.code, "value": {**error.document(), "request_id": _REQUEST_ID}}
-        for status, error in REFUSALS.items()
+        str(status): {"summary": error.code, "value": _shown(error)} for status, error in REFUSALS.items()
     }
     for operations in document["paths"].values():
         for operation in operations.values():
@@ -227,7 +212,7 @@ def describe_links(paths: Mapping[str, Mapping[str, dict[str, Any]]]) -> None:
     targets = [
         (names, operation["operationId"])
         for path, operations in paths.items()
-        if (names := _path_parameters(path))
+        if (names := {part[1:-1] for part in path.split("/") if part.startswith("{")})
         for operation in operations.values()
         if operation["operationId"] not in UNLINKED
     ]
@@ -253,7 +238,3 @@ def _models(answer: Part) -> Iterator[str]:
     schema = answer.get("content", {}).get("application/json", {}).get("schema", {})
     for each in (schema, *schema.get("anyOf", ())):
         yield each.get("$ref", "").rpartition("/")[2]
-
-
-def _path_parameters(path: str) -> set[str]:
-    return {part[1:-1] for part in path.split("/") if part.startswith("{")}

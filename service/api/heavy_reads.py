@@ -27,7 +27,7 @@ from functools import cache
 from http import HTTPStatus
 from typing import Any, TypeVar  # Any: a function of the C library
 
-from service.api.replies.errors import ApiError
+from service.api.replies import ApiError
 from service.settings import Settings
 from service.storage.database.database import WantedRead
 

@@ -15,26 +15,26 @@ from starlette.types import Receive, Scope, Send
 from service.api.descriptions import describe
 from service.api.keys.access import ByShape, check_roles
 from service.api.middleware import error_handlers
-from service.api.middleware.caching import Caching, HeadLikeGet
-from service.api.middleware.compression import Compression
+from service.api.middleware.caching import Caching, Compression, HeadLikeGet
 from service.api.middleware.heavy_answers import FilesInTurns
 from service.api.middleware.observing import Observation
-from service.api.middleware.origins import Sharing
-from service.api.middleware.security import Guard
-from service.api.replies.responses import tag_of_content
+from service.api.middleware.security import Guard, Sharing
+from service.api.replies import tag_of_content
 from service.api.routes import (
     analysis,
     atlases,
+    audits,
     changes,
-    docs_page,
     events,
     installation,
     jobs,
+    points,
+    solutions,
     studies,
+    sweeps,
+    trajectory,
     validations,
 )
-from service.api.routes.solutions import audits, citations, enclosures, provenance, solutions, trajectory
-from service.api.routes.sweeps import points, sweeps
 from service.api.tagged import TAGGED, unchanged
 from service.dashboard import routes as dashboard
 
@@ -76,17 +76,13 @@ def install(app: FastAPI) -> None:
             jobs,
             solutions,
             trajectory,
-            enclosures,
             audits,
-            citations,
-            provenance,
             sweeps,
             points,
             studies,
             installation,
             events,
             changes,
-            docs_page,
             dashboard,
         )
     ]

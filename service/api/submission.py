@@ -1,4 +1,7 @@
-"""Reads, checks and examines problems before they are queued, one or many at once; estimates costs."""
+"""Reads, checks and examines problems before they are queued, one or many at once; estimates costs.
+
+One accepted problem is queued here, and answered at once, or when its job has ended.
+"""
 
 import asyncio
 import json
@@ -6,17 +9,19 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from http import HTTPStatus
 from typing import Any
 
+from fastapi import Response
 from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import Resources
+from service.api.keys.idempotency import receipt_of
 from service.api.keys.limits import check_problem_samples
 from service.api.middleware.error_handlers import refusal_of
-from service.api.replies.errors import ApiError
+from service.api.replies import ApiError, json_response
 from service.api.verdicts.examiner import Submission
 from service.api.verdicts.verdict_queue import Claimant
 from service.dynamics.accuracy import AccuracyTable
@@ -24,14 +29,14 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.problem import PlanarMotion
 from service.jobs.kernels import most_missing
 from service.jobs.keys import ApiKey
+from service.jobs.records import Job, JobKind
 from service.sandbox import SandboxError, SandboxTimeoutError
-from service.schemas.problem.documents import JobIn
-from service.schemas.problem.problem import check_problem, window_of
-from service.schemas.problem.rules import CheckedProblem
-from service.schemas.reading.annotation import split_annotation
-from service.schemas.reading.documents import Fault, InvalidProblemError, first_of
-from service.schemas.replies.analysis import CostEstimateOut, RefusedItemOut, SlowPart
+from service.schemas.problem.documents import CheckedProblem, JobIn
+from service.schemas.problem.problem import check_problem, problem_digest, window_of
+from service.schemas.reading.documents import Document, Fault, InvalidProblemError, first_of, split_annotation
 from service.schemas.replies.job import JobItemOut
+from service.schemas.replies.response_model import ResponseModel
+from service.schemas.replies.sweep import CostEstimateOut, RefusedItemOut, SlowPart
 from service.schemas.sweep.estimates import (
     UNEXAMINED,
     CostEstimate,
@@ -42,10 +47,11 @@ from service.schemas.sweep.estimates import (
 )
 from service.schemas.sweep.sweep import Sweep
 from service.settings import Settings
-from service.storage.jobs.worker_registry import WorkerRegistry
+from service.storage.examinations import keys_of
+from service.storage.keys import GivenKey, Receipt
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.storage.solutions.shipped_accuracy import shipped_table
-from service.verdicts.cache_rows import keys_of
+from service.storage.upkeep.presence import WorkerRegistry
 
 MOST_PROBLEMS = 1000
 """Problems in one request, whose body has a size limit too."""
@@ -138,14 +144,10 @@ async def accept_many(
         503: too many requests wait for verdicts, and no problem of the list was examined.
     """
     given = {index: each for index, each in enumerate(problems) if isinstance(each, Submission)}
-    table = None
-    if given:
-        reserve = partial(_reserve, is_estimate=is_estimate)
-        table = await run_in_threadpool(reserve, inside, holder, list(given.values()))
+    reserve = partial(_reserve, inside, holder, list(given.values()), is_estimate=is_estimate)
+    table = await run_in_threadpool(reserve) if given else None
     claimant = Claimant(None if holder is None else holder.id, is_list=True)
-    examined = await _examine(
-        inside, {index: each for index, each in given.items() if each.keys is not None}, claimant
-    )
+    examined = await _examine(inside, given, claimant)
     found = [examined.get(index, problem) for index, problem in enumerate(problems)]
     refusals = [each for each in found if isinstance(each, ApiError)]
     if len(refusals) == len(found) and all(refusal.status == _BUSY for refusal in refusals):
@@ -207,9 +209,7 @@ async def estimate_sweep(inside: Resources, sweep: Sweep, holder: ApiKey | None)
 
     points = await run_in_threadpool(checked)
     claimant = Claimant(None if holder is None else holder.id, is_list=True)
-    examined = await _examine(
-        inside, {index: each for index, each in points.items() if each.keys is not None}, claimant
-    )
+    examined = await _examine(inside, points, claimant)
     sampled = [(each.checked.problem, _sampled(examined.get(index, each))) for index, each in points.items()]
     return await run_in_threadpool(_estimate_out, inside, partial(estimate_of_sweep, sweep, sampled), {})
 
@@ -269,9 +269,10 @@ def refused_item(refusal: ApiError) -> JobItemOut:
 
 
 async def _examine(
-    inside: Resources, problems: Mapping[int, Submission], claimant: Claimant
+    inside: Resources, given: Mapping[int, Submission], claimant: Claimant
 ) -> dict[int, Submission | ApiError]:
-    """Examine problems by queued calls; one call takes problems with the same potential."""
+    """Examine those that need it by queued calls; one call takes problems with the same potential."""
+    problems = {index: each for index, each in given.items() if each.keys is not None}
     deadline = time.monotonic() + LIST_VERDICTS * inside.settings.verdict_seconds
     found: dict[int, Submission | ApiError] = {}
     for index, problem in problems.items():
@@ -320,3 +321,104 @@ def _batches(problems: Mapping[int, Submission]) -> list[list[int]]:
         for indices in [*several, alone]
         for start in range(0, len(indices), _TOGETHER)
     ]
+
+
+Made = tuple[Job, ...]
+Store = Callable[[Receipt[Made] | None], Job]
+"""Stores the job, with the answer of a receipt."""
+Show = Callable[[Job], tuple[ResponseModel, str]]
+"""Returns what the answer shows of a job, and its path."""
+
+
+@dataclass(frozen=True, slots=True)
+class SubmissionTerms:
+    """The key that submits, the priority, the Idempotency-Key, and how long the client waits."""
+
+    holder: ApiKey | None
+    priority: int
+    given: GivenKey | None
+    seconds: int | None
+
+    @property
+    def key_id(self) -> str | None:
+        """Id of the key that is charged."""
+        return None if self.holder is None else self.holder.id
+
+
+async def queue(
+    inside: Resources,
+    terms: SubmissionTerms,
+    store: Store,
+    show: Show,
+    *,
+    in_time: HTTPStatus = HTTPStatus.OK,
+) -> Response:
+    """Store a job, and answer with what ``show`` tells of it: 202, or ``in_time`` if it has ended in time."""
+
+    def submitted(job: Job) -> Response:
+        model, place = show(job)
+        return json_response(model, status=HTTPStatus.ACCEPTED, headers={"Location": place})
+
+    def put() -> tuple[Job, Response]:
+        job = store(receipt_of(terms.given, lambda jobs: submitted(*jobs)))
+        if not job.is_finished:
+            inside.wake_up.notify()
+        return job, submitted(job)
+
+    def waited(ended: Job) -> Response:
+        model, place = show(ended)
+        headers = {"Location": place, "Preference-Applied": f"wait={terms.seconds}"}
+        status = in_time if ended.is_finished else HTTPStatus.ACCEPTED
+        answer = json_response(model, status=status, headers=headers)
+        inside.idempotency.keep(terms.given, answer)
+        return answer
+
+    job, answer = await run_in_threadpool(put)
+    # No waiting if the limit of waiting clients is reached.
+    if terms.seconds is None or not inside.waiting.acquire(blocking=False):
+        return answer
+    try:
+        ended = await _finish(job, inside, terms.seconds)
+    finally:
+        inside.waiting.release()
+    # A thread is needed to write into the database only.
+    return waited(ended) if terms.given is None else await run_in_threadpool(waited, ended)
+
+
+async def queue_result(
+    inside: Resources,
+    terms: SubmissionTerms,
+    kind: JobKind,
+    document: Document,
+    show: Show,
+    *,
+    in_time: HTTPStatus = HTTPStatus.OK,
+) -> Response:
+    """Store a job that makes a document, of a kind whose result is stored, and answer as :func:`queue`."""
+
+    def store(receipt: Receipt[Made] | None) -> Job:
+        return inside.results.submit(
+            kind,
+            document,
+            problem_digest({kind.value: document}),
+            priority=terms.priority,
+            key_id=terms.key_id,
+            receipt=receipt,
+        )
+
+    await run_in_threadpool(inside.limits.reserve_jobs, terms.holder)
+    return await queue(inside, terms, store, show, in_time=in_time)
+
+
+async def _finish(job: Job, inside: Resources, seconds: int) -> Job:
+    """Return a job as it is when it has ended, or when the time is over; wait without blocking a thread."""
+    ended = job
+
+    async def is_finished() -> bool:
+        nonlocal ended
+        ended = await run_in_threadpool(inside.jobs.get, job.id)
+        return ended.is_finished
+
+    if not job.is_finished:
+        await inside.wake_up.wait_for(job.id, is_finished=is_finished, timeout=seconds, is_new=True)
+    return ended

@@ -19,14 +19,13 @@ from fastapi import Request, Response
 from starlette.concurrency import run_in_threadpool
 
 from service.api.dependencies import Resources
-from service.api.formats.atlases import FORMATS
-from service.api.formats.citation import CITATIONS
+from service.api.formats.lists import FORMATS
 from service.api.formats.negotiation import ARROW, JSON, MEDIA_TYPES, NPZ, preferred
-from service.api.formats.packages import ZIP
-from service.api.replies.errors import ApiError
-from service.api.replies.responses import IMMUTABLE, REVALIDATE, matching_tag, tag_of_resource, validators
+from service.api.formats.origins import CITATIONS
+from service.api.formats.points import ZIP
+from service.api.replies import IMMUTABLE, REVALIDATE, ApiError, matching_tag, tag_of_resource, validators
 from service.jobs.records import ResultNotFoundError, SolutionNotFoundError, SweepNotFoundError
-from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Annotation
 from service.storage.database.cached_reads import Read
 from service.storage.solutions.result_store import known_atlas, known_study
 from service.storage.solutions.solution_store import SolutionStanding, standing_and_annotation, standing_of

@@ -29,7 +29,7 @@ from service.cli.common import (
 from service.cli.remote import commands as remote
 from service.cli.remote.commands import Key, Url
 from service.dynamics.numerics import NUMERICS
-from service.local.worker_process import worker_environment
+from service.local.workers import worker_environment
 from service.logs import LOG_LEVELS
 from service.terminal import FileFaultError, answer, say
 from service.versions import version_of

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 from typer.core import TyperCommand
 
-from service.local.worker_process import worker_command
-from service.stopping import hold_signals
+from service.local.workers import worker_command
+from service.startup import hold_signals
 from service.terminal import say
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from service.terminal import answer, say
 
 if TYPE_CHECKING:
     from service.settings import Settings
-    from service.storage.keys.key_store import KeyStore
+    from service.storage.keys import KeyStore
 from pathlib import Path
 
 MEGABYTE = 10**6
@@ -73,7 +73,7 @@ def create(
 
     From the first key on, every request needs one.
     """
-    from service.storage.keys.key_store import KeyLimits  # noqa: PLC0415
+    from service.storage.keys import KeyLimits  # noqa: PLC0415
 
     if len(name) > 128 or not name.isprintable():
         raise typer.BadParameter("up to 128 printable characters are accepted", param_hint="--name")
@@ -137,7 +137,7 @@ def require_key(settings: "Settings") -> None:
 @contextmanager
 def _store(settings: "Settings") -> Iterator["KeyStore"]:
     from service.storage.database.database import Database  # noqa: PLC0415
-    from service.storage.keys.key_store import KeyStore  # noqa: PLC0415
+    from service.storage.keys import KeyStore  # noqa: PLC0415
 
     migrate_database(settings)
     database = Database(settings.database_url)

@@ -13,8 +13,7 @@ from service.local.wakeup import WakeUpSocket
 from service.local.workers import LocalWorkers
 from service.logs import announce
 from service.settings import Settings
-from service.startup import keep_what_is_loaded
-from service.stopping import StopAsked
+from service.startup import StopAsked, keep_what_is_loaded
 from service.verdicts.starting import VerdictChildren
 
 _SWITCH_SECONDS = 0.001

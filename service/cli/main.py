@@ -3,8 +3,7 @@
 import sys
 from io import TextIOWrapper
 
-from service.startup import collect_seldom
-from service.stopping import end_at_once
+from service.startup import collect_seldom, end_at_once
 
 _SERVICES = (["serve"], ["worker"])
 

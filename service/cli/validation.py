@@ -11,7 +11,7 @@ from rich.console import Console
 from service.cli.common import REFUSED, WRONG_USAGE, fail, settings_of
 from service.sandbox import Sandbox, SandboxCrashError, SandboxError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.problem.problem import read_question
-from service.schemas.replies.verdict_text import Answer, describe_verdict
+from service.schemas.replies.text import Answer, describe_verdict
 from service.settings import Settings
 from service.terminal import answer, read_document, say
 from service.typesetting.equations import FORMATS, Format

@@ -22,8 +22,7 @@ from uvicorn.config import Config
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
-from service.api.replies.errors import MEDIA_TYPE, ApiError
-from service.api.replies.responses import PART_BYTES, REQUEST_ID, server_name
+from service.api.replies import MEDIA_TYPE, PART_BYTES, REQUEST_ID, ApiError, server_name
 from service.connections.gate import Gate, Phase
 from service.logs import Complaints
 from service.settings import Settings
@@ -349,7 +348,7 @@ def guarded(app: FastAPI, settings: Settings, opened: socket.socket) -> tuple[uv
     )
     # The gate logs faults of clients at a limited rate; otherwise clients could fill the log.
     for name in ("asyncio", "uvicorn.error"):
-        logging.getLogger(name).addFilter(_is_not_told_already)
+        logging.getLogger(name).addFilter(lambda record: not str(record.msg).startswith(_TOLD_ALREADY))
     config = uvicorn.Config(
         app,
         http=watched(gate, deadlines),
@@ -363,7 +362,3 @@ def guarded(app: FastAPI, settings: Settings, opened: socket.socket) -> tuple[uv
         timeout_graceful_shutdown=FINISH_REQUESTS_SECONDS,
     )
     return config, Listener(gate, fileno=opened.detach())
-
-
-def _is_not_told_already(record: logging.LogRecord) -> bool:
-    return not str(record.msg).startswith(_TOLD_ALREADY)

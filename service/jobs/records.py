@@ -6,9 +6,8 @@ from datetime import datetime
 from enum import StrEnum
 
 from service.jobs.queue import Lane
-from service.schemas.query.conditions import Value
-from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.schemas.reading.documents import Document, Part
+from service.schemas.query.terms import Value
+from service.schemas.reading.documents import UNANNOTATED, Annotation, Document, Part
 from service.schemas.replies.summary import SolutionSummary
 
 

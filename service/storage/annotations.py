@@ -6,12 +6,10 @@ from typing import TypeVar
 from sqlalchemy import Connection, bindparam, delete, insert, select, update
 from sqlalchemy.orm import Session
 
-from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Annotation
 from service.storage.tables.base import table_of
-from service.storage.tables.jobs import JobRow
-from service.storage.tables.labels import LABELS_OF, JobLabelRow, SolutionLabelRow
-from service.storage.tables.solutions import SolutionRow
-from service.storage.tables.sweeps import SweepRow
+from service.storage.tables.jobs import LABELS_OF, JobLabelRow, JobRow, SolutionLabelRow
+from service.storage.tables.solutions import SolutionRow, SweepRow
 
 Annotatable = TypeVar("Annotatable", JobRow, SolutionRow, SweepRow)
 """A row that has labels and a note."""

@@ -19,17 +19,12 @@ from service.dynamics.errors import DynamicsError
 from service.dynamics.inverse.decomposition import NoDecompositionError
 from service.dynamics.problem import PlanarMotion, Problem, StateMotion, TimePeriods
 from service.dynamics.reduction.window import Window, require_known_ends, starting_point
-from service.dynamics.reduction.windows import (
-    REDUCTION_BITS,
-    NoMotionError,
-    choose_window,
-    find_windows,
-)
+from service.dynamics.reduction.windows import REDUCTION_BITS, NoMotionError, choose_window, find_windows
 from service.dynamics.sampling import PeriodNeededError
 from service.dynamics.verdict.own_curve import require_proof_on_arc
 from service.dynamics.verdict.simple_form import simplified
 from service.dynamics.verdict.verdict import Verdict, decide
-from service.schemas.problem.questions import Question, trusted_question
+from service.schemas.problem.problem import Question, trusted_question
 from service.schemas.problem.trusted import centre_of, trusted_problem
 from service.schemas.reading.documents import Document, Part
 from service.verdicts.cached import Keys, ResultCache, verdict_deadline

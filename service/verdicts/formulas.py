@@ -22,7 +22,7 @@ from service.dynamics.reduction.formulas import elliptic_motion, reduced_motion
 from service.dynamics.reduction.windows import find_windows
 from service.dynamics.verdict.proofs.energy_terms import sum_text
 from service.dynamics.verdict.simple_form import simplified
-from service.schemas.problem.questions import Question, trusted_question
+from service.schemas.problem.problem import Question, trusted_question
 from service.schemas.reading.documents import Document
 from service.typesetting.equations import TIME, typeset
 from service.verdicts.examination import examine_question

@@ -19,8 +19,8 @@ from service.dynamics.reduction.windows import NoMotionError, NoSuchWindowError,
 from service.dynamics.verdict.own_curve import InadmissibleMotionError
 from service.dynamics.verdict.verdict import Verdict
 from service.schemas.reading.documents import Document, InvalidProblemError, Part
+from service.schemas.replies.text import existence_sentence
 from service.schemas.replies.verdict import ExistenceOut
-from service.schemas.replies.verdict_text import existence_sentence
 from service.verdicts.documents import existence_document, motion_counterexample, window_document
 
 _POTENTIAL = "/potential"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from service.local.worker_process import FOLDER_VARIABLE
+from service.local.workers import FOLDER_VARIABLE
 from service.sandbox import lack_of_room
 from service.settings import Settings
 from tests.support.databases import copy_of

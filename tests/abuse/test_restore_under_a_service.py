@@ -6,14 +6,13 @@ import pytest
 from sqlalchemy import text, update
 
 from service.app import create_app
-from service.local.worker_process import WorkerProcess
+from service.local.workers import WorkerProcess
 from service.settings import Settings
 from service.storage.database.database import make_engine
-from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import WorkerRow
 from service.storage.upkeep.backup import BackupError, back_up, restore
-from service.storage.upkeep.presence import GONE_SECONDS, ServicePresence, who_is_present
+from service.storage.upkeep.presence import GONE_SECONDS, ServicePresence, WorkerRegistry, who_is_present
 from tests.support.api import TestClient
 from tests.support.postgres import binaries
 from tests.support.waiting import wait_until

@@ -17,7 +17,7 @@ from service.jobs.keys import Role
 from service.logs import about, announce, one_line, printable, start_logging
 from service.settings import Settings
 from service.storage.database.database import Database
-from service.storage.keys.key_store import KeyLimits, KeyStore
+from service.storage.keys import KeyLimits, KeyStore
 from tests.support.api import TestClient
 
 FORGED = "2026-01-01T00:00:00.000Z ERROR service: all jobs are lost"

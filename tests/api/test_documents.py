@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from service.api.descriptions import describe
-from service.api.replies.errors import TITLES
+from service.api.replies import TITLES
 from service.dynamics.errors import DynamicsError
 from service.schemas.problem.documents import JobIn
 from service.schemas.problem.problem import check_problem, read_question

@@ -12,7 +12,7 @@ from sqlalchemy.exc import DBAPIError
 from service.api.dependencies import SharedAnswer
 from service.api.heavy_reads import WAITING, HeavyReads, Reader
 from service.api.keys.access import ACCESS
-from service.api.replies.errors import ApiError
+from service.api.replies import ApiError
 from service.dashboard.routes import PAGES
 from service.settings import Settings
 from service.storage.database.database import Database, NobodyWaitsError

@@ -3,7 +3,7 @@
 import pytest
 
 from service.api.descriptions import UNLINKED, recorded
-from service.api.replies.errors import TITLES
+from service.api.replies import TITLES
 from tests.support.conformance import document, faults, nodes, operations
 
 OPERATIONS = {

@@ -9,8 +9,8 @@ import numpy as np
 
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import NoMotionError, find_windows
-from service.schemas.atlas.reading import AtlasRequest, read_atlas
-from service.verdicts.atlases import examine_atlas
+from service.schemas.atlas.documents import AtlasRequest, read_atlas
+from service.verdicts.questions import examine_atlas
 from tests.benchmarks.measuring import Effort, Table, in_turns, in_words
 
 THREE_TERMS = {

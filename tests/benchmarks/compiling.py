@@ -16,7 +16,7 @@ from collections import Counter, defaultdict
 from numba.core import event
 from numba.core.event import Event, Listener
 
-from service.local.worker_process import FOLDER_VARIABLE
+from service.local.workers import FOLDER_VARIABLE
 from service.startup import collect_seldom
 from tests.benchmarks.measuring import Effort, Table, in_words
 from workers.computation.compiled_code import (

@@ -12,9 +12,8 @@ from service.jobs.records import Solved, SolveOutcome
 from tests.benchmarks.measuring import Effort, Table, in_turns, in_words
 from tests.benchmarks.motions import FloatArray, Measured, elliptic, librations
 from tests.benchmarks.stored import stored_solution
+from workers.calibration.measurement import CASES, calibrate, whole_jobs
 from workers.calibration.measurement import Effort as CalibrationEffort
-from workers.calibration.measurement import calibrate, whole_jobs
-from workers.calibration.reference import CASES
 from workers.computation.compute import solve_document
 
 ASKED: tuple[Output, ...] = ("gamma", "omega", "invariants", "orientation", "stability")

@@ -14,7 +14,7 @@ from typing import Any  # documents
 
 from sqlalchemy import func, insert, select
 
-from service.schemas.query.facts import facts_of
+from service.schemas.query.terms import facts_of
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import Database
 from service.storage.database.rows import new_id

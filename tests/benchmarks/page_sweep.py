@@ -22,7 +22,7 @@ from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from service.storage.database.rows import new_id
 from service.storage.tables.base import table_of
-from service.storage.tables.sweeps import SweepChunkRow, SweepRow
+from service.storage.tables.solutions import SweepChunkRow, SweepRow
 from tests.benchmarks.measuring import say
 from tests.support.browser import FLAGS, SWEEP, chromium
 from tests.support.serving import serving

@@ -22,7 +22,7 @@ from tests.benchmarks.measuring import Effort, Result, Table, clock, in_words, m
 from tests.benchmarks.motions import SAMPLES, FloatArray, Measured, elliptic, taylor_of_elliptic
 from tests.benchmarks.report import PICTURE, REPORT
 from tests.benchmarks.whole.jobs import job_of
-from workers.calibration.reference import samples_of
+from workers.calibration.measurement import samples_of
 from workers.solvers.compiled.solve import TOLERANCES
 
 RTOLS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 1e-11, 1e-12, 1e-13)

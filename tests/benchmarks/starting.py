@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 from statistics import median
 
-from service.local.worker_process import FOLDER_VARIABLE
+from service.local.workers import FOLDER_VARIABLE
 from tests.benchmarks.measuring import Effort, Table, in_words
 from tests.support.serving import free_port
 

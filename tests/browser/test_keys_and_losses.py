@@ -11,7 +11,7 @@ from urllib.parse import quote
 import pytest
 from playwright.sync_api import expect
 
-from service.storage.jobs.moves import BEGUN
+from service.storage.jobs.rows import BEGUN
 from tests.support.browser import Site, Watched, problem, settle
 from tests.support.serving import serving
 from tests.support.waiting import wait_until

@@ -5,8 +5,7 @@ import json
 import pytest
 
 from polhode.transport.exchange import follow
-from polhode.transport.steps import LostConnectionError, NextLine, Pause, Reply
-from polhode.transport.terms import Terms
+from polhode.transport.terms import LostConnectionError, NextLine, Pause, Reply, Terms
 
 PATH = "/v1/jobs/x"
 EVENTS = {"content-type": "text/event-stream; charset=utf-8"}

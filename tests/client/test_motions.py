@@ -15,10 +15,9 @@ import polhode as ph
 from polhode import evaluation
 from polhode.clients import Operations
 from polhode.motions import Motion
-from polhode.studies import Questions
+from polhode.studies import Judgement, Questions
 from polhode.sweeps import Sweep
-from polhode.transport.steps import operation
-from polhode.verdicts import Judgement
+from polhode.transport.terms import operation
 from service.dynamics.equations.orientation import trajectory_columns, trajectory_errors
 from service.dynamics.solution.dense_output import Advance, DenseOutput, Period
 from service.schemas.reading.numbers import LATEST

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 import polhode as ph
-from polhode import drawing, showing
+from polhode import drawing
 
 STATE = {
     "body": {"A": 2, "B": "3/2", "C": 1},
@@ -61,11 +61,11 @@ def test_a_motion_without_a_period_has_all_six_variables(connected):
 
 def test_the_sphere_is_a_projection_and_its_parts_are_the_path(motion):
     gamma = motion.at(np.linspace(0, float(motion.period), 200)).gamma
-    flat = showing.seen(gamma)
-    towards = showing._view()[2]
+    flat = drawing.seen(gamma)
+    towards = drawing._view()[2]
     # Orthogonal: what is left out is the distance to the viewer.
     np.testing.assert_allclose((flat**2).sum(axis=1) + (gamma @ towards) ** 2, 1.0, atol=1e-12)
-    parts = list(showing.sphere_parts(gamma))
+    parts = list(drawing.sphere_parts(gamma))
     # Each but the last one ends with the first point of the next.
     joined = np.concatenate([points[:-1] for points, _ in parts[:-1]] + [parts[-1][0]])
     np.testing.assert_array_equal(joined, flat)

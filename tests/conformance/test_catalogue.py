@@ -11,7 +11,7 @@ from service.dynamics.formula.tape import compile_tape
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.schemas.problem.potentials import MODELS
 from service.schemas.problem.problem import check_problem, problem_digest, read_problem
-from service.schemas.query.facts import FamilyName
+from service.schemas.query.terms import FamilyName
 from tests.conformance.specimens import SPECIMENS, Specimen
 from tests.support.canonical import canonical_document
 

@@ -20,8 +20,7 @@ from service.jobs.records import FINISHED, AttemptOutcome, JobKind, JobState, pa
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
 from service.storage.tables.jobs import AttemptRow, JobRow
-from service.storage.tables.solutions import SolutionRow
-from service.storage.tables.sweeps import SweepRow
+from service.storage.tables.solutions import SolutionRow, SweepRow
 from tests.crash.client import Client
 from tests.crash.installation import SETTINGS, STALL_SECONDS, Installation, kill
 from tests.support.databases import url_of

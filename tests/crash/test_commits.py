@@ -8,11 +8,17 @@ from sqlalchemy import func, select
 
 from service.jobs.records import JobKind
 from service.storage.inspection.inspect import inspect
-from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow, ResultRow
-from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
+from service.storage.tables.jobs import (
+    AttemptRow,
+    AuditRow,
+    JobLabelRow,
+    JobRow,
+    ResultRow,
+    SolutionLabelRow,
+    SweepLabelRow,
+)
 from service.storage.tables.operations import IdempotencyKeyRow
-from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
-from service.storage.tables.sweeps import SweepChunkRow, SweepRow
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow, SweepChunkRow, SweepRow
 from tests.crash.victims import DEEDS, RETRIES, Executioner, Stores, stores_of
 from tests.support.databases import copy_of
 from tests.support.effort import one_in

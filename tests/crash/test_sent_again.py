@@ -7,7 +7,7 @@ from sqlalchemy import func, select
 
 from service.storage.database.rows import new_id
 from service.storage.tables.jobs import JobRow
-from service.storage.tables.sweeps import SweepRow
+from service.storage.tables.solutions import SweepRow
 from tests.crash.submitters import REQUESTS, Submitters, app_on, send
 from tests.support.api import TestClient
 from tests.support.effort import examples

@@ -17,16 +17,15 @@ from dataclasses import dataclass, replace
 from sqlalchemy.orm import configure_mappers
 
 from service.jobs.records import Claim, JobKind, JobResult, Refused, Solved
-from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Annotation
 from service.storage.codecs.packing import encode_document
 from service.storage.database.database import VARIABLE, Database
 from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import JobStore
-from service.storage.keys.idempotency_store import GivenAnswer, GivenKey, KeyTakenError, Receipt
-from service.storage.solutions.audit_store import AuditStore
-from service.storage.solutions.result_store import ResultStore
-from service.storage.sweeps import deleting
+from service.storage.keys import GivenAnswer, GivenKey, KeyTakenError, Receipt
+from service.storage.solutions.result_store import AuditStore, ResultStore
 from service.storage.sweeps.sweep_store import SweepStore
+from service.storage.upkeep import retention
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.workers.chores import do_chunk
 from tests.workers.processes import ROOT
@@ -298,30 +297,30 @@ def succeed_atlas(stores: Stores) -> None:
 def delete_drawn(stores: Stores) -> None:
     job_id = stores.atlases.submit(JobKind.ATLAS, ATLAS, new_id()).id
     stores.finish_atlas(stores.claim())
-    deleting.delete_job(stores.database, job_id)
+    retention.delete_job(stores.database, job_id)
 
 
 def delete_audited(stores: Stores) -> None:
     solution_id = solved_id(stores)
     stores.jobs.cancel(stores.audits.submit(solution_id, PROBLEM, new_id()).id)
-    deleting.delete_solution(stores.database, solution_id)
+    retention.delete_solution(stores.database, solution_id)
 
 
 def delete_job(stores: Stores) -> None:
     job_id = stores.submitted()
     stores.jobs.cancel(job_id)
-    deleting.delete_job(stores.database, job_id)
+    retention.delete_job(stores.database, job_id)
 
 
 def delete_solution(stores: Stores) -> None:
-    deleting.delete_solution(stores.database, solved_id(stores))
+    retention.delete_solution(stores.database, solved_id(stores))
 
 
 def delete_sweep(stores: Stores) -> None:
     sweep_id = stores.swept(50)
     stores.finish_chunk(stores.claim())
     stores.sweeps.cancel(sweep_id)
-    deleting.delete_sweep(stores.database, sweep_id)
+    retention.delete_sweep(stores.database, sweep_id)
 
 
 DEEDS: tuple[Callable[[Stores], None], ...] = (

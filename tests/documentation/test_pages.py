@@ -16,9 +16,8 @@ from polhode.clients import Operations
 from polhode.jobs import Job
 from polhode.listings import Listing
 from polhode.motions import Motion
-from polhode.studies import Questions
+from polhode.studies import Judgement, Questions
 from polhode.sweeps import Sweep
-from polhode.verdicts import Judgement
 
 TOP = Path(__file__).parents[2]
 LOADED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "link": "href"}

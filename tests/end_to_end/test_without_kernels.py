@@ -8,7 +8,7 @@ import pytest
 from service.catalogue import example_of
 from service.dynamics.classical.bodies import CASES
 from service.jobs.kernels import NEVER, WAITS
-from service.local.worker_process import FOLDER_VARIABLE
+from service.local.workers import FOLDER_VARIABLE
 from tests.support.serving import serving
 from tests.support.waiting import wait_until
 from workers.computation.compiled_code import WAY_VARIABLE

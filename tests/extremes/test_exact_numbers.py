@@ -9,13 +9,13 @@ import pytest
 from flint import arb, ctx
 
 from service.jobs.records import Refused
-from service.schemas.atlas.reading import read_atlas
+from service.schemas.atlas.documents import read_atlas
 from service.schemas.problem.problem import read_question
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.reading import read_sweep
 from service.storage.codecs.packing import decode_arrays
-from service.verdicts.atlases import examine_atlas_of_job
 from service.verdicts.examination import examine_question
+from service.verdicts.questions import examine_atlas_of_job
 from tests.support.effort import seldom
 from workers.computation.compute import solve_checked
 from workers.sweeping import chunk

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.jobs.chunking import (
+from service.jobs.queue import (
     CHUNK_SECONDS,
     CHUNKS_A_SECOND,
     LARGEST_BLOCK,

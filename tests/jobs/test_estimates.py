@@ -7,7 +7,7 @@ from itertools import count
 import numpy as np
 import pytest
 
-from service.jobs.chunking import (
+from service.jobs.queue import (
     PAUSE_SECONDS,
     PILOT_POINTS,
     RECENT_SECONDS,

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.jobs.chunking import CHUNK_SECONDS
-from service.jobs.queue import SHARES, Lane, LaneShares
+from service.jobs.queue import CHUNK_SECONDS, SHARES, Lane, LaneShares
 
 
 class Worker:

@@ -10,11 +10,10 @@ import pytest
 
 from service.app import create_app
 from service.local.wakeup import WakeUpSocket
-from service.local.worker_process import WorkerProcess
-from service.local.workers import LocalWorkers, Restarts, WorkerStanding
+from service.local.workers import LocalWorkers, Restarts, WorkerProcess, WorkerStanding
 from service.settings import Settings
 from service.storage.database.database import Database
-from service.storage.jobs.worker_registry import WorkerRegistry
+from service.storage.upkeep.presence import WorkerRegistry
 from tests.support.api import TestClient
 from tests.support.waiting import wait_until
 

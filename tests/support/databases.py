@@ -9,8 +9,7 @@ from alembic import command
 from alembic.config import Config
 
 from service.storage.database.database import Database, make_engine
-from service.storage.database.migration import migrate
-from service.storage.database.revisions import migrations_folder
+from service.storage.database.migration import migrate, migrations_folder
 from service.storage.jobs.job_store import JobStore
 from service.storage.solutions.solution_store import SolutionStore
 from tests.support.postgres import PostgresServer, postgres_server

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from service.schemas.problem.problem import check_problem
-from service.verdicts.cache_rows import keys_of
+from service.storage.examinations import keys_of
 
 
 def examination_of(documents: Sequence[object]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Keys for tests, and the header that shows them."""
 
 from service.jobs.keys import ApiKey, Role
-from service.storage.keys.key_store import KeyLimits, KeyStore
+from service.storage.keys import KeyLimits, KeyStore
 
 
 class Clock:

@@ -1,7 +1,7 @@
 """Lists of jobs and sweeps as tests look at them: newest first."""
 
 from service.jobs.records import JobPage, JobState, SweepPage
-from service.schemas.query.conditions import ListQuery, in_state
+from service.schemas.query.terms import ListQuery, in_state
 from service.storage.jobs.job_store import JobStore
 from service.storage.sweeps.sweep_store import SweepStore
 

@@ -12,8 +12,8 @@ from service.dynamics.reduction.window import starting_point
 from service.dynamics.reduction.windows import find_windows, remember_windows
 from service.dynamics.verdict.verdict import NumericEvidence, Verdict, decide
 from service.schemas.problem.problem import check_problem, read_question
+from service.storage.examinations import keys_of
 from service.verdicts import cached
-from service.verdicts.cache_rows import keys_of
 from service.verdicts.cached import (
     NotExactError,
     read_ball,

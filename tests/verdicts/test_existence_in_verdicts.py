@@ -4,8 +4,8 @@ import json
 
 import pytest
 
+from service.schemas.replies.text import Answer, describe_verdict, existence_sentence
 from service.schemas.replies.verdict import ExistenceOut
-from service.schemas.replies.verdict_text import Answer, describe_verdict, existence_sentence
 from service.verdicts import examination, refusals
 from tests.support.examinations import examination_of
 from workers.computation.compute import solve_checked, solve_document

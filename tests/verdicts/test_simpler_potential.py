@@ -5,8 +5,8 @@ import json
 import pytest
 
 from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL
-from service.verdicts.atlases import examine_atlas
 from service.verdicts.examination import examine_problem, examine_problems, examine_question
+from service.verdicts.questions import examine_atlas
 from tests.support.examinations import examination_of
 
 BODY = {"A": 2, "B": "3/2", "C": 1}

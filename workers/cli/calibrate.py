@@ -19,11 +19,11 @@ from workers.calibration.measurement import (
     QUICK,
     ClaimExceededError,
     Effort,
+    NoReferenceError,
     calibrate,
     steps,
     whole_jobs,
 )
-from workers.calibration.reference import NoReferenceError
 from workers.cli.compile import compile_solvers
 from workers.computation.compiled_code import GROUPS, way_for
 

@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from service.jobs.kernels import KERNELS, Kernels
-from service.local.worker_process import own_folder, why_no_folder, worker_command
+from service.local.workers import own_folder, why_no_folder, worker_command
 from service.terminal import answer, say
 from workers.computation.compiled_code import (
     GROUPS,

@@ -20,20 +20,18 @@ from service.dynamics.solution.dense_output import is_part
 from service.jobs.kernels import FASTER, NeedsKernelsError, way_of_solution
 from service.jobs.records import JobResult, Refused, SolveOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
-from service.schemas.atlas.reading import read_atlas
-from service.schemas.atlas.replies import AtlasOut
+from service.schemas.atlas.documents import AtlasOut, read_atlas
 from service.schemas.atlas.showing import describe_atlas, picture_of
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import Part
-from service.schemas.replies.solution_text import describe_solution
 from service.schemas.replies.study import describe_answer
-from service.schemas.replies.verdict_text import Refusal
+from service.schemas.replies.text import Refusal, describe_solution
 from service.schemas.study.reading import read_study
 from service.settings import Settings, read_settings
 from service.storage.codecs.packing import decode_arrays, decode_document
 from service.terminal import STANDARD_STREAM, OutputFile, answer, check_writable, read_document, say
-from service.verdicts.atlases import examine_atlas
 from service.verdicts.examination import examine_problem
+from service.verdicts.questions import examine_atlas
 from service.verdicts.refusals import refusal_of_reading
 from workers.process.tasks import solve_examined, study
 

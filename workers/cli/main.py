@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from service.local.worker_process import why_no_folder
+from service.local.workers import why_no_folder
 from service.logs import start_logging
 from service.settings import SettingsError, read_settings
 from service.terminal import FileFaultError, say
@@ -118,8 +118,7 @@ def run(*, slots: int | None = None, wake_fd: int | None = None) -> int:
 
 def _reasons_to_end() -> tuple[type[Exception], ...]:
     """Return the faults that a message explains; asked, and loaded, only after a fault."""
-    from service.local.worker_process import OtherHostError  # noqa: PLC0415
-    from service.storage.database.migration import MigrationError  # noqa: PLC0415
-    from service.storage.database.revisions import UnknownRevisionError  # noqa: PLC0415
+    from service.local.workers import OtherHostError  # noqa: PLC0415
+    from service.storage.database.migration import MigrationError, UnknownRevisionError  # noqa: PLC0415
 
     return MigrationError, UnknownRevisionError, OtherHostError

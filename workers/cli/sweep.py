@@ -30,23 +30,19 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from service.jobs.chunking import Range
 from service.jobs.kernels import FASTER, KERNELS, Kernels, Way, way_of_sweep
-from service.local.worker_process import why_no_folder
+from service.jobs.queue import Range
+from service.local.workers import why_no_folder
 from service.sandbox import Sandbox
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.settings import Settings, read_settings
-from service.stopping import StopAsked
+from service.startup import StopAsked
 from service.storage.codecs.packing import SOLVED, ChunkPoints, bounds_of
 from service.terminal import STANDARD_STREAM, OutputFile, answer, read_document, say
 from workers.cli.compile import compile_solvers
-from workers.computation.compiled_code import (
-    GROUPS,
-    fixed_way,
-    is_ready,
-)
+from workers.computation.compiled_code import GROUPS, fixed_way, is_ready
 from workers.sweeping.local_pool import LocalPool
 
 FloatArray = NDArray[np.float64]

@@ -3,10 +3,10 @@
 import json
 
 from service.jobs.records import JobResult, Refused
-from service.schemas.atlas.reading import trusted_atlas
+from service.schemas.atlas.documents import trusted_atlas
 from service.schemas.reading.documents import Document, Part
 from service.storage.codecs.packing import encode_document
-from service.verdicts.atlases import examine_atlas_of_job
+from service.verdicts.questions import examine_atlas_of_job
 from workers.computation.compiled_code import way_for
 from workers.computation.compute import solve_document
 
@@ -18,7 +18,7 @@ SHARED_MEMBERS = ("body", "potential", "accept")
 
 
 def draw_document(document_json: str) -> JobResult | Refused:
-    """Draw what a document of :func:`~service.schemas.atlas.reading.read_atlas` asks for."""
+    """Draw what a document of :func:`~service.schemas.atlas.documents.read_atlas` asks for."""
     answer = examine_atlas_of_job(document_json)
     if trusted_atlas(json.loads(document_json)).wants_stability:
         answer = with_stability(document_json, answer, waits=True)
@@ -27,7 +27,7 @@ def draw_document(document_json: str) -> JobResult | Refused:
 
 
 def with_stability(document_json: str, atlas_json: str, *, waits: bool = False) -> str:
-    """Return an atlas as :mod:`service.verdicts.atlases` answers it, with the stability of its windows.
+    """Return an atlas as :mod:`service.verdicts.questions` answers it, with the stability of its windows.
 
     ``document_json`` is what was asked. Windows that are not periodic have none. A plain way that ``waits``
     for kernels raises :class:`~service.jobs.kernels.NeedsKernelsError` in place of refusing.

@@ -36,7 +36,7 @@ from typing import Any, Literal  # Any: numba has no types
 
 import numpy as np
 
-from service.local.worker_process import own_folder
+from service.local.workers import own_folder
 from service.versions import version_of
 from workers.solvers import compiled, ways
 

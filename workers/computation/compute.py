@@ -25,7 +25,7 @@ from service.dynamics.solution.dense_output import DenseOutput, parts_for, split
 from service.dynamics.verdict.simple_form import simplified
 from service.jobs.kernels import NeedsKernelsError, way_of_solution
 from service.jobs.records import Refused, Solved, SolveOutcome, StoredSolution
-from service.local.worker_process import why_no_folder
+from service.local.workers import why_no_folder
 from service.schemas.problem.problem import choose_tier, place_sent, read_problem, window_of, with_tier
 from service.schemas.problem.trusted import trusted_problem
 from service.schemas.reading.documents import Document, Part
@@ -36,14 +36,7 @@ from service.storage.solutions.shipped_accuracy import shipped_table
 from service.verdicts.cached import ResultCache, read_windows
 from service.verdicts.examination import Examined, examine_document
 from workers import solvers
-from workers.computation.compiled_code import (
-    GROUPS,
-    Group,
-    fixed_way,
-    is_ready,
-    keep_compiled_code,
-    way_for,
-)
+from workers.computation.compiled_code import GROUPS, Group, fixed_way, is_ready, keep_compiled_code, way_for
 from workers.computation.enclosures import (
     columns_of_enclosures,
     enclosed_motion,

@@ -25,10 +25,7 @@ from service.dynamics.equations.orientation import (
     orientation_errors,
 )
 from service.dynamics.errors import DynamicsError
-from service.dynamics.further_integrals import (
-    FurtherIntegral,
-    find_further_integrals,
-)
+from service.dynamics.further_integrals import FurtherIntegral, find_further_integrals
 from service.dynamics.motion import Estimate, Motion
 from service.dynamics.numerics import NO_CROSS_CHECK, is_within, largest
 from service.dynamics.potentials.potential import Notice
@@ -47,10 +44,7 @@ from workers.solvers.orientation.solve import Orientation, with_orientation
 from workers.solvers.quadrature.squared_speed import time_map_of
 from workers.solvers.stability.assessment import Stability, assess_stability
 from workers.solvers.stability.monodromy import StabilityUndefinedError, transverse_stability
-from workers.solvers.stability.proven import (
-    classical_stability,
-    planar_stability,
-)
+from workers.solvers.stability.proven import classical_stability, planar_stability
 from workers.solvers.units import Units, speed_of, speed_of_state
 from workers.solvers.ways import is_plain
 

@@ -38,8 +38,8 @@ from service.schemas.reading.documents import Document, Part
 from service.schemas.study.reading import Search, trusted_search
 from service.storage.codecs.packing import encode_document
 from service.verdicts.documents import verdict_document
+from service.verdicts.questions import QUESTIONS, examine_study_of_job
 from service.verdicts.refusals import answer_or_refusal, deadline, refusal_of_verdict
-from service.verdicts.studies import QUESTIONS, examine_study_of_job
 from workers.computation.compiled_code import way_for
 from workers.computation.compute import solve_document
 from workers.solvers.searches.family import ProblemFamily, Slot

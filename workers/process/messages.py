@@ -14,15 +14,7 @@ from types import UnionType
 from typing import BinaryIO, get_args
 
 from service.jobs.kernels import NeedsKernelsError, Way
-from service.jobs.records import (
-    ChunkOutcome,
-    JobKind,
-    JobResult,
-    Outcome,
-    Refused,
-    Solved,
-    StoredSolution,
-)
+from service.jobs.records import ChunkOutcome, JobKind, JobResult, Outcome, Refused, Solved, StoredSolution
 from service.sandbox import SandboxBrokenError, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.schemas.reading.documents import Part
 from workers.process.pool import Call, ReturnedError

@@ -18,7 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
-from service.local.worker_process import worker_command
+from service.local.workers import worker_command
 from service.sandbox import BREAKAGES, Sandbox, SandboxBrokenError
 from service.startup import use_one_thread
 from workers.process.messages import calls_in, pack, pack_fault, pack_outcomes, read, unpack, write

@@ -17,9 +17,19 @@ from service.jobs.records import Claim, ClaimedJobs, JobKind, Refused, Solved
 from service.logs import about
 from service.sandbox import SandboxCrashError, SandboxTimeoutError
 from service.storage.jobs.job_store import JobStore
-from workers.process.batches import BatchSizes, PoolRun, Waiting, may_share, shared_out
 from workers.process.pool import Pool, ReturnedError
-from workers.process.results import JobLimits, Leases, Results, extra_of, fields_of
+from workers.process.results import (
+    BatchSizes,
+    JobLimits,
+    Leases,
+    PoolRun,
+    Results,
+    Waiting,
+    extra_of,
+    fields_of,
+    may_share,
+    shared_out,
+)
 
 logger = logging.getLogger(__name__)
 

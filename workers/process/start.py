@@ -31,7 +31,7 @@ from typing import Protocol
 
 from service.jobs.kernels import KERNELS, ClusterState, Kernels
 from service.local.wakeup import WorkerSocket
-from service.local.worker_process import worker_command
+from service.local.workers import worker_command
 from service.sandbox import (
     Sandbox,
     SandboxCrashError,
@@ -40,8 +40,7 @@ from service.sandbox import (
     cause_of_death,
 )
 from service.settings import Settings
-from service.startup import keep_what_is_loaded, use_one_thread
-from service.stopping import StopAsked
+from service.startup import StopAsked, keep_what_is_loaded, use_one_thread
 from workers.process.pool import ChildrenPool, Pool
 from workers.process.tasks import Call, WarmUp, WorkerTasks
 

@@ -15,14 +15,14 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from service.jobs.kernels import ClusterState, Kernels, Outlook
 from service.local.wakeup import WARM, WorkerSocket
-from service.local.worker_process import WorkerProcess, new_worker_name, this_host
+from service.local.workers import WorkerProcess, new_worker_name, this_host
 from service.logs import Complaints, about
 from service.settings import Settings
-from service.stopping import StopAsked
+from service.startup import StopAsked
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import JobStore
-from service.storage.jobs.worker_registry import WorkerRegistry
+from service.storage.upkeep.presence import WorkerRegistry
 from workers.process.pool import Pool
 from workers.process.results import JobLimits
 from workers.process.runner import WATCH_SECONDS, Runner
@@ -70,7 +70,7 @@ class Presence:
     def keep(self, *, is_warm: bool, kernels: Kernels | None) -> None:
         """Renew the row if it is time, or if it is news that this worker is warm, or how far kernels are.
 
-        The first time raises what :meth:`~service.storage.jobs.worker_registry.WorkerRegistry.enter` raises.
+        The first time raises what :meth:`~service.storage.upkeep.presence.WorkerRegistry.enter` raises.
         """
         if not self._has_entered:
             self._registry.enter(self._worker, alone=self._alone)
@@ -117,12 +117,8 @@ class EngineLoop:
         The wake-up socket of the service that started this worker, if any. When it closes, the loop stops.
     announcements
         Notifications of delivered jobs, if the engine has them.
-    takes_jobs
-        Whether jobs may be taken: the children have loaded what planar motions need. Once true it stays true.
-    is_warm
-        Whether the children have loaded all that jobs need. Once true it stays true.
-    kernels
-        How far these are compiled; None if there is nothing to compile.
+    readiness
+        What the children have loaded, or how far the pool is otherwise.
     poll_seconds
         How often to poll for jobs that were not announced.
     grace_seconds
@@ -137,9 +133,7 @@ class EngineLoop:
         *,
         service: WorkerSocket | None,
         announcements: "Notifications | None",
-        takes_jobs: Callable[[], bool],
-        is_warm: Callable[[], bool],
-        kernels: Callable[[], Kernels | None],
+        readiness: Readiness,
         poll_seconds: float,
         grace_seconds: float,
     ) -> None:
@@ -148,9 +142,7 @@ class EngineLoop:
         self._waker = waker
         self._service = service
         self._announcements = announcements
-        self._takes_jobs = takes_jobs
-        self._is_warm = is_warm
-        self._kernels = kernels
+        self._readiness = readiness
         self._poll_seconds = poll_seconds
         self._grace_seconds = grace_seconds
         self._stop_by: float | None = None
@@ -202,9 +194,9 @@ class EngineLoop:
         self._tell(self._runner.collect(refill=self._stop_by is None))
         self._runner.keep_leases()
         # In this order: a worker that is warm takes jobs.
-        is_warm = self._is_warm()
-        takes_jobs = self._takes_jobs()
-        self._presence.keep(is_warm=is_warm, kernels=self._kernels())
+        is_warm = self._readiness.is_over()
+        takes_jobs = self._readiness.may_take_jobs()
+        self._presence.keep(is_warm=is_warm, kernels=self._readiness.kernels())
         if is_warm and not self._has_told and self._service is not None:
             self._service.tell(WARM)
         self._has_told = is_warm
@@ -307,16 +299,18 @@ def _loop(
     runner = Runner(
         JobStore(database), equipment.pool, name=worker.name, limits=limits, outlook=presence.outlook
     )
-    notifications = _notifications(database) if database.announces_jobs else None
+    notifications = None
+    if database.announces_jobs:
+        from workers.process.notifications import Notifications  # noqa: PLC0415
+
+        notifications = Notifications(database.engine)
     loop = EngineLoop(
         runner,
         presence,
         equipment.waker,
         service=equipment.service,
         announcements=notifications,
-        takes_jobs=equipment.readiness.may_take_jobs,
-        is_warm=equipment.readiness.is_over,
-        kernels=equipment.readiness.kernels,
+        readiness=equipment.readiness,
         poll_seconds=settings.poll_seconds,
         grace_seconds=settings.grace_seconds,
     )
@@ -327,9 +321,3 @@ def _loop(
     finally:
         if notifications is not None:
             notifications.close()
-
-
-def _notifications(database: Database) -> "Notifications":
-    from workers.process.notifications import Notifications  # noqa: PLC0415
-
-    return Notifications(database.engine)

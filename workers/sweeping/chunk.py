@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from service.dynamics.problem import PlanarMotion
 from service.jobs.kernels import NeedsKernelsError
 from service.jobs.records import ChunkOutcome, Refused, SolveOutcome
-from service.local.worker_process import own_host
+from service.local.workers import own_host
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError
 from service.schemas.sweep.sweep import FEW, Sweep, kept_numbers, trusted_sweep

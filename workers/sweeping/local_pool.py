@@ -7,8 +7,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 
 import numpy as np
 
-from service.jobs.chunking import CHUNK_SECONDS, PARTS, PILOT_POINTS, Range, cut, largest_chunk, next_size
 from service.jobs.kernels import Way
+from service.jobs.queue import CHUNK_SECONDS, PARTS, PILOT_POINTS, Range, cut, largest_chunk, next_size
 from service.jobs.records import ChunkOutcome
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError, result_of
 from service.schemas.sweep.sweep import Sweep

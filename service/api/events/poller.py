@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from service.jobs.records import Job, SweepNotFoundError, SweepRecord
-from service.storage.jobs.changes import ChangeReader, Followable, LastChange
+from service.storage.jobs.rows import ChangeReader, Followable, LastChange
 from service.storage.sweeps.sweep_store import SweepStore
 
 MEDIA_TYPE = "text/event-stream"

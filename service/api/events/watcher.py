@@ -18,7 +18,7 @@ from anyio import CapacityLimiter, to_thread
 
 from service.api.events.poller import ChangePoller, Event, Position, Snapshot, Subject, end_of
 from service.logs import Complaints, place_of
-from service.storage.jobs.changes import SETTLED_SECONDS
+from service.storage.jobs.rows import SETTLED_SECONDS
 
 MOST_EVENTS = 1000
 MOST_BYTES = 4_000_000

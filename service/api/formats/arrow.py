@@ -16,10 +16,13 @@ from service.api.formats.columns import ColumnKind, Sink
 def arrow_stream(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, str]) -> bytes:
     """Return one record batch of float64 columns in the streaming format, with metadata in its schema."""
     arrays = [pa.array(np.ascontiguousarray(values)) for values in columns.values()]
-    batch = pa.record_batch(arrays, names=list(columns)).replace_schema_metadata(dict(metadata))
-    sink = pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, batch.schema) as writer:
-        writer.write_batch(batch)
+    return _stream(pa.record_batch(arrays, names=list(columns)), metadata)
+
+
+def _stream(batch: pa.RecordBatch, metadata: Mapping[str, str]) -> bytes:
+    described, sink = batch.replace_schema_metadata(dict(metadata)), pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, described.schema) as writer:
+        writer.write_batch(described)
     return bytes(sink.getvalue().to_pybytes())
 
 
@@ -37,12 +40,7 @@ def matrix_stream(
         )
         ends = pa.array(np.arange(len(matrix) + 1, dtype=np.int32) * matrix.shape[1])
         arrays[name] = pa.ListArray.from_arrays(ends, flat)
-    batch = pa.record_batch(list(arrays.values()), names=list(arrays))
-    batch = batch.replace_schema_metadata(dict(metadata))
-    sink = pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, batch.schema) as writer:
-        writer.write_batch(batch)
-    return bytes(sink.getvalue().to_pybytes())
+    return _stream(pa.record_batch(list(arrays.values()), names=list(arrays)), metadata)
 
 
 def arrow_batches(

@@ -1,4 +1,7 @@
-"""Writes lists as CSV, NDJSON, Arrow or Parquet: all rows that match, read a page at a time."""
+"""Writes lists as CSV, NDJSON, Arrow or Parquet: all rows that match, read a page at a time; and atlases.
+
+An atlas is one document: its formats are JSON, CSV, Arrow and a picture (SVG).
+"""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -24,10 +27,12 @@ from service.api.formats.negotiation import (
 )
 from service.api.queries.lists import MOST_ITEMS, Listing, link_to
 from service.api.queries.queries import ListFormatName, refuse_if_any
-from service.api.replies.responses import PiecedAnswer, json_content, json_response, refusals
+from service.api.replies import PiecedAnswer, json_content, json_response, refusals
 from service.csv_text import CRLF, csv_blocks
-from service.schemas.query.conditions import Kind, ListQuery, Subject, Value
-from service.schemas.reading.documents import Fault, instant_text
+from service.schemas.atlas.documents import AtlasOut
+from service.schemas.atlas.showing import INTEGERS, NUMBERS, atlas_columns, picture_of
+from service.schemas.query.terms import Kind, ListQuery, Subject, Value
+from service.schemas.reading.documents import Document, Fault, instant_text
 from service.schemas.replies.response_model import ResponseModel
 
 LISTED = (JSON, CSV, NDJSON, ARROW, PARQUET)
@@ -126,7 +131,8 @@ class ListedRows(Generic[Found]):
         kinds = {each.text: _KINDS[each.kind] for each in columns_of(listing)}
         batches = (_batch(kinds, found.values) for found in pages)
         if media_type == CSV:
-            return _csv(kinds, batches)
+            texts = ([_text(batch[name]) for name in kinds] for batch in batches)
+            return csv_blocks(kinds, texts, CRLF)
         from service.api.formats.arrow import arrow_batches, parquet_groups  # noqa: PLC0415
 
         return (arrow_batches if media_type == ARROW else parquet_groups)(kinds, batches, {})
@@ -181,12 +187,6 @@ def _column(kind: ColumnKind, values: Sequence[Value | None]) -> NDArray[np.gene
     return column
 
 
-def _csv(
-    kinds: Mapping[str, ColumnKind], batches: Iterable[Mapping[str, NDArray[np.generic]]]
-) -> Iterator[bytes]:
-    return csv_blocks(kinds, ([_text(batch[name]) for name in kinds] for batch in batches), CRLF)
-
-
 def _text(column: NDArray[np.generic]) -> NDArray[np.generic]:
     """Return instants as text; other columns as they are."""
     if column.dtype.kind != "M":
@@ -198,3 +198,57 @@ def _text(column: NDArray[np.generic]) -> NDArray[np.generic]:
         if each is None or isinstance(each, datetime)
     ]
     return found
+
+
+Writer = Callable[[AtlasOut], Response]
+
+
+def choose_format(accept: str | None) -> Writer:
+    """Return the writer of the format that the client prefers; JSON without a header.
+
+    Raises
+    ------
+    ApiError
+        406 if it accepts none of ours.
+    """
+    write = FORMATS[preferred(list(FORMATS), accept)]
+
+    def respond(atlas: AtlasOut) -> Response:
+        response = write(atlas)
+        response.headers["Vary"] = "Accept"
+        return response
+
+    return respond
+
+
+def media_types() -> Document:
+    """Return the formats other than JSON, for the OpenAPI document."""
+    binary = {"schema": {"type": "string", "format": "binary"}}
+    return {name: binary for name in FORMATS if name != "application/json"}
+
+
+def _csv_of_atlas(atlas: AtlasOut) -> Response:
+    columns = atlas_columns(atlas)
+    return Response(b"".join(csv_blocks(columns, [columns.values()], CRLF)), media_type="text/csv")
+
+
+def _arrow_of_atlas(atlas: AtlasOut) -> Response:
+    from service.api.formats.arrow import arrow_batches  # noqa: PLC0415
+
+    columns = atlas_columns(atlas)
+    kinds: dict[str, ColumnKind] = {
+        name: "integer" if name in INTEGERS else "number" if name in NUMBERS else "word" for name in columns
+    }
+    changes = [change.model_dump_json(by_alias=True) for change in atlas.changes]
+    metadata = {"changes": f"[{','.join(changes)}]", "verdict": atlas.verdict}
+    content = b"".join(arrow_batches(kinds, [columns], metadata))
+    return Response(content, media_type="application/vnd.apache.arrow.stream")
+
+
+FORMATS: Mapping[str, Writer] = {
+    "application/json": json_response,
+    "text/csv": _csv_of_atlas,
+    "application/vnd.apache.arrow.stream": _arrow_of_atlas,
+    "image/svg+xml": lambda atlas: Response(picture_of(atlas), media_type="image/svg+xml"),
+}
+"""The writer of each media type."""

@@ -17,7 +17,7 @@ import zstandard
 from fastapi import Header
 
 from service.api.queries.queries import FormatName
-from service.api.replies.errors import ApiError
+from service.api.replies import ApiError
 
 JSON, CSV, NPZ = "application/json", "text/csv", "application/x-npz"
 NDJSON, ARROW = "application/x-ndjson", "application/vnd.apache.arrow.stream"

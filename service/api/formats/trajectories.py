@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from service.api.formats.columns import metadata, units_of
 from service.api.formats.negotiation import ARROW, CSV, JSON, MEDIA_TYPES, NDJSON, NPZ, PARQUET
-from service.api.replies.errors import ApiError
-from service.api.replies.responses import PiecedAnswer
+from service.api.replies import ApiError, PiecedAnswer
 from service.csv_text import CRLF, csv_blocks
 from service.dynamics.solution.dense_output import DenseOutput
 from service.schemas.reading.documents import Document

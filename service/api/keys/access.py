@@ -25,7 +25,7 @@ from starlette.routing import compile_path
 
 from service.jobs.keys import ApiKey, Role
 from service.logs import Complaints
-from service.storage.keys.key_store import USED_SECONDS, KeyStore
+from service.storage.keys import USED_SECONDS, KeyStore
 
 _log = logging.getLogger(__name__)
 

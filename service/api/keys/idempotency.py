@@ -10,10 +10,10 @@ from typing import Annotated, Any  # Any: the send type of a coroutine, which is
 from fastapi import Header, Request, Response
 from starlette.concurrency import run_in_threadpool
 
-from service.api.replies.errors import ApiError, invalid_request
+from service.api.replies import ApiError, invalid_request
 from service.jobs.keys import ApiKey
 from service.schemas.reading.documents import Fault
-from service.storage.keys.idempotency_store import (
+from service.storage.keys import (
     GivenAnswer,
     GivenKey,
     IdempotencyStore,

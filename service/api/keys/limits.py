@@ -7,13 +7,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 
-from service.api.replies.errors import ApiError
+from service.api.replies import ApiError
 from service.dynamics.problem import Problem, TimeList
 from service.jobs.keys import ApiKey
 from service.jobs.records import POINTS_PER_JOB, queued_as
 from service.schemas.reading.documents import Fault, InvalidProblemError
 from service.settings import Settings
-from service.storage.keys.key_store import KeyStore
+from service.storage.keys import KeyStore
 
 QUEUE_RETRY_SECONDS = 10
 STORAGE_RETRY_SECONDS = 3600

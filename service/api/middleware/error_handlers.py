@@ -10,7 +10,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from service.api.middleware.observing import id_of, standing_headers
-from service.api.replies.errors import ApiError, invalid_request
+from service.api.replies import ApiError, invalid_request
 from service.dashboard.routes import show_missing, wants_page
 from service.dynamics.errors import DynamicsError
 from service.jobs.records import (

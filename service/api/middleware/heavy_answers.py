@@ -22,9 +22,8 @@ from service.api.middleware.caching import is_head
 from service.api.middleware.security import holder_of
 from service.api.queries.lists import NEWEST_FIRST, AnyAsking, Listing, read_listing
 from service.api.queries.queries import Asked
-from service.api.replies.errors import ApiError
-from service.api.replies.responses import PART_BYTES, PiecedAnswer, size_of
-from service.schemas.query.conditions import Condition, OrderKey
+from service.api.replies import PART_BYTES, ApiError, PiecedAnswer, size_of
+from service.schemas.query.terms import Condition, OrderKey
 from service.storage.searching.sources import Source, with_names
 
 T = TypeVar("T")

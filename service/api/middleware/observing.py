@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from service.api.dependencies import Resources
-from service.api.replies.responses import REQUEST_ID, server_name
+from service.api.replies import REQUEST_ID, server_name
 from service.logs import about
 from service.storage.database.rows import new_id
 

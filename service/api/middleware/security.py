@@ -1,6 +1,10 @@
-"""Authenticates every request and checks its rate and its role before the endpoint runs."""
+"""Checks, authenticates and authorises every request before its endpoint runs; pages of other origins (CORS).
 
-from collections.abc import Sequence
+Accepted are the same origin, or one that is named, and an unambiguous length; then the key, its rate and its
+role are checked.
+"""
+
+from collections.abc import Collection, Sequence
 from functools import lru_cache
 from http import HTTPStatus
 from typing import Annotated
@@ -8,21 +12,143 @@ from urllib.parse import urlsplit
 
 from fastapi import Depends, Request, Response
 from sqlalchemy.exc import SQLAlchemyError
-from starlette.datastructures import Headers
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
 from service.api.dependencies import Resources
 from service.api.keys.access import OPEN, OPTIONS, SECOND_LOOK_SECONDS, Access
 from service.api.middleware.error_handlers import respond
 from service.api.middleware.observing import RATE
-from service.api.middleware.origins import check_length, check_origin
-from service.api.replies.errors import ApiError
+from service.api.replies import ApiError
 from service.jobs.keys import ApiKey, KeyStanding, Role, key_prefix
 from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import HIGHEST_PRIORITY
 from service.settings import Settings, is_this_machine, origins_in
+
+_SAFE = frozenset({"GET", "HEAD", "OPTIONS", "TRACE"})
+_OWN_SITES = frozenset({"same-origin", "none"})
+_PORTS = {"http": 80, "https": 443}
+
+
+def check_origin(method: str, headers: Headers, trusted: Collection[str]) -> None:
+    """Refuse state-changing requests from pages of another origin; programs send no such headers.
+
+    Browsers send Sec-Fetch-Site, which is right behind any proxy too. Without it
+    (older browsers, plain HTTP to another machine), Origin must have the host and
+    port of Host, or be one of ``trusted``.
+
+    Raises
+    ------
+    ApiError
+        403.
+    """
+    origin, site = headers.get("origin"), headers.get("sec-fetch-site")
+    if method in _SAFE or (origin is None and site is None):
+        return
+    if origin and origin in trusted:
+        return
+    if site is not None:
+        if site in _OWN_SITES:
+            return
+    elif _is_of_host(origin or "", headers.get("host", "")):
+        return
+    detail = (
+        f"the request was sent by a page of {(origin or 'another origin')[:100]!r}; "
+        "accepted are pages of this service, and those that POLHODE_ORIGINS or POLHODE_CORS_ORIGINS names"
+    )
+    raise ApiError(HTTPStatus.FORBIDDEN, "cross_origin", detail)
+
+
+def check_length(version: str, headers: Headers) -> None:
+    """Refuse a request whose length is ambiguous, against request smuggling (RFC 9112, 6.1 and 11.2).
+
+    Raises
+    ------
+    ApiError
+        400; the connection is closed, since the next bytes may be another client's.
+    """
+    if "transfer-encoding" not in headers:
+        return
+    if "content-length" in headers:
+        detail = "both Content-Length and Transfer-Encoding were sent; one of them is accepted"
+    elif version == "1.0":
+        detail = "Transfer-Encoding was sent with HTTP/1.0; it is accepted with HTTP/1.1"
+    else:
+        return
+    raise ApiError(HTTPStatus.BAD_REQUEST, "ambiguous_length", detail, headers={"Connection": "close"})
+
+
+def _is_of_host(origin: str, host: str) -> bool:
+    try:
+        page, here = urlsplit(origin), urlsplit(f"//{host}")
+        port = _PORTS.get(page.scheme)
+        return page.hostname is not None and (page.hostname, page.port or port) == (
+            here.hostname,
+            here.port or port,
+        )
+    except ValueError:
+        return False
+
+
+_MAX_AGE_SECONDS = 600
+"""How long a browser may remember what it may send."""
+_METHODS = "GET, HEAD, POST, PATCH, DELETE, OPTIONS"
+_SENT = (
+    "Accept, Authorization, Content-Encoding, Content-Type, Idempotency-Key, If-None-Match, Last-Event-ID,"
+    " Polhode-Echo, Prefer, X-Request-ID"
+)
+# A wildcard would leave out Authorization, and older browsers do not know it.
+_SHOWN = (
+    "Content-Disposition, ETag, Idempotency-Replayed, Link, Location, Polhode-Deviation, Polhode-Echo,"
+    " Polhode-Error, Polhode-Points, Polhode-Points-Done, Polhode-Samples, Preference-Applied, RateLimit,"
+    " RateLimit-Policy, Retry-After, Server, X-Request-ID"
+)
+
+
+class Sharing:
+    """Adds the headers that browsers ask for. Keys are sent by scripts, never by browsers: no credentials."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a preflight, or pass the request on and mark its answer."""
+        shared = _shared_with(scope) if scope["type"] == "http" else frozenset[str]()
+        if not shared:
+            await self._app(scope, receive, send)
+            return
+        headers = Headers(scope=scope)
+        origin = headers.get("origin")
+        allowed = {"Access-Control-Allow-Origin": origin} if origin in shared and origin else {}
+
+        async def send_marked(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                marked = MutableHeaders(scope=message)
+                # Caches must keep apart what is sent to different origins, and to none.
+                marked.add_vary_header("Origin")
+                marked.update({**allowed, **({"Access-Control-Expose-Headers": _SHOWN} if allowed else {})})
+            await send(message)
+
+        if allowed and scope["method"] == "OPTIONS" and "access-control-request-method" in headers:
+            answer = Response(
+                status_code=HTTPStatus.NO_CONTENT,
+                headers={
+                    "Access-Control-Allow-Methods": _METHODS,
+                    "Access-Control-Allow-Headers": _SENT,
+                    "Access-Control-Max-Age": str(_MAX_AGE_SECONDS),
+                },
+            )
+            await answer(scope, receive, send_marked)
+            return
+        await self._app(scope, receive, send_marked)
+
+
+def _shared_with(scope: Scope) -> frozenset[str]:
+    resources: Resources = scope["app"].state.resources
+    return origins_in(resources.settings.cors_origins)
+
 
 _CHALLENGE = "WWW-Authenticate"
 _STATE = "key"
@@ -45,7 +171,9 @@ class Guard:
             try:
                 headers = Headers(scope=scope)
                 check_length(scope["http_version"], headers)
-                check_origin(scope["method"], headers, _trusted(scope["app"].state.resources.settings))
+                settings: Settings = scope["app"].state.resources.settings
+                trusted = origins_in(settings.origins) | origins_in(settings.cors_origins)
+                check_origin(scope["method"], headers, trusted)
                 key = await self._admit(scope)
             except (ApiError, HTTPException, SQLAlchemyError) as error:
                 answer = await respond(Request(scope), error)
@@ -76,10 +204,6 @@ class Guard:
         if key is not None and needed is not OPEN and not key.role.may(needed):
             raise _role_insufficient(key, needed)
         return key
-
-
-def _trusted(settings: Settings) -> frozenset[str]:
-    return origins_in(settings.origins) | origins_in(settings.cors_origins)
 
 
 def holder_of(request: Request) -> ApiKey | None:

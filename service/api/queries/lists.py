@@ -1,25 +1,123 @@
-"""Reads what a list is asked for: conditions, order, columns, and which page."""
+"""Reads what a list is asked for: conditions, order, columns, and which page; or its facets and statistics.
 
-from collections.abc import Iterable, Iterator, Sequence
+A cursor is the place of a row in an order, opaque to clients. It holds the values that the order compares,
+and a digest of the query it belongs to, so that it cannot be used with other conditions by mistake.
+"""
+
+import base64
+import binascii
+import hashlib
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from typing import Literal, TypeVar
+from typing import Literal, Protocol, TypeVar
 from urllib.parse import urlencode
 
 from fastapi import Request, Response
 from pydantic import Field
 
-from service.api.queries.cursors import InvalidCursorError, cursor_of, place_of
 from service.api.queries.queries import FORMAT_HELP, Asked, ListFormatName, QueryModel, refuse_if_any
-from service.api.replies.responses import json_response
+from service.api.replies import json_response
 from service.jobs.records import JobState
-from service.schemas.query.conditions import ID, Condition, Kind, ListQuery, OrderKey, Subject, Value
-from service.schemas.query.reading import read_columns, read_order, read_where
+from service.schemas.query.reading import read_columns, read_names, read_order, read_where
+from service.schemas.query.terms import (
+    ID,
+    Condition,
+    Excerpt,
+    Fact,
+    Kind,
+    ListQuery,
+    OrderKey,
+    Subject,
+    Value,
+    Vocabulary,
+    split,
+)
 from service.schemas.reading.documents import Fault, instant_text
-from service.schemas.replies.analysis import QueryEstimateOut, SlowPart
+from service.schemas.replies.sweep import QueryEstimateOut, SlowPart
 from service.storage.database.database import SEARCH_SECONDS
+from service.storage.database.rows import is_id
 from service.storage.searching.narrowing import slow_parts
 from service.storage.searching.sources import Source
+
+
+class Ordered(Protocol):
+    """A query whose rows have places."""
+
+    @property
+    def conditions(self) -> tuple[Condition, ...]:
+        """The conditions that choose the rows."""
+        ...
+
+    @property
+    def keys(self) -> tuple[OrderKey, ...]:
+        """The order; its last column is different for each row."""
+        ...
+
+
+class InvalidCursorError(Exception):
+    """A text that is no cursor of this query."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "not a cursor of this list with these conditions and this order; accepted is the one in `next` of"
+            " the page before"
+        )
+
+
+def cursor_of(name: str, query: Ordered, place: Sequence[Value | None]) -> str:
+    """Return the cursor of a row in the list ``name``; ``place`` has the values of the order's columns."""
+    content = json.dumps([_digest(name, query), *place], separators=(",", ":"), allow_nan=False)
+    return base64.urlsafe_b64encode(content.encode()).decode().rstrip("=")
+
+
+def place_of(name: str, query: Ordered, cursor: str) -> tuple[Value | None, ...]:
+    """Return the place that a cursor tells; raises :class:`InvalidCursorError`."""
+    try:
+        content = json.loads(base64.urlsafe_b64decode(cursor + "=" * (-len(cursor) % 4)))
+    except (ValueError, binascii.Error, RecursionError):
+        raise InvalidCursorError from None
+    keys = query.keys
+    if not isinstance(content, list) or len(content) != 1 + len(keys) or content[0] != _digest(name, query):
+        raise InvalidCursorError
+    kinds = [key.subject.kind for key in keys]
+    if (
+        not all(_fits(kind, value) for kind, value in zip(kinds, content[1:], strict=True))
+        or content[-1] is None
+    ):
+        raise InvalidCursorError
+    return tuple(content[1:])
+
+
+def _digest(name: str, query: Ordered) -> str:
+    said = repr((name, query.conditions, query.keys))
+    return hashlib.sha256(said.encode("utf-8", "backslashreplace")).hexdigest()[:12]
+
+
+def _fits(kind: Kind, value: object) -> bool:
+    """Tell whether a database can compare a column with a value."""
+    if value is None:
+        return True
+    match kind:
+        case Kind.NUMBER | Kind.INSTANT:
+            return isinstance(value, int | float) and not isinstance(value, bool) and _is_double(value)
+        case Kind.TRUTH:
+            return isinstance(value, bool)
+        case Kind.IDENTIFIER:
+            return isinstance(value, str) and is_id(value)
+    # Any text that a database stores.
+    return isinstance(value, str) and not re.search(r"[\x00\ud800-\udfff]", value)
+
+
+def _is_double(value: float) -> bool:
+    try:
+        return math.isfinite(float(value))
+    except OverflowError:
+        return False
+
 
 NEWEST_FIRST = (OrderKey(ID, descending=True),)
 
@@ -188,3 +286,88 @@ def _shown(kind: Kind, value: Value | None) -> Value | None:
     if kind is Kind.INSTANT and isinstance(value, float):
         return instant_text(datetime.fromtimestamp(value, UTC))
     return value
+
+
+MOST_NAMES = 8
+MOST_BINS = 200
+
+
+class FacetsQuery(QueryModel):
+    """The conditions and facts of a request for counts of values."""
+
+    where: list[str] = Field(default_factory=list, description=WHERE)
+    by: str | None = Field(
+        default=None, description="Facts such as `family,tier`, or pointers; each is counted by itself."
+    )
+    limit: int = Field(default=50, ge=1, le=1000, description="Values of each at most, the most frequent.")
+    estimate: bool = Field(default=False, description=ESTIMATE)
+
+
+class StatisticsQuery(QueryModel):
+    """The conditions, numbers and groups of a request for statistics."""
+
+    where: list[str] = Field(default_factory=list, description=WHERE)
+    of: str | None = Field(default=None, description="Numbers such as `period,/motion/lambda`.")
+    by: str | None = Field(
+        default=None, description="A fact or pointer whose values divide them into groups."
+    )
+    bins: int = Field(default=0, ge=0, le=MOST_BINS, description="Bins of a histogram; none if left out.")
+    limit: int = Field(default=20, ge=1, le=200, description="Groups at most, the largest.")
+    estimate: bool = Field(default=False, description=ESTIMATE)
+
+
+@dataclass(frozen=True, slots=True)
+class Analysis:
+    """The conditions, subjects and groups of a request for facets or statistics."""
+
+    conditions: tuple[Condition, ...]
+    of: tuple[Subject, ...]
+    by: tuple[Subject, ...]
+
+
+def read_facets(asked: Asked[FacetsQuery], vocabulary: Vocabulary) -> Analysis:
+    """Return what is counted; raises the refusal with every fault."""
+    faults = list(asked.faults)
+    conditions, of_where = read_where(asked.parameters.where, vocabulary)
+    by, of_by = _names("by", asked.parameters.by, _groupable(vocabulary))
+    if asked.parameters.by is None:
+        faults.append(Fault("?by", "missing_parameter", f"by is missing; {vocabulary.accepted()}"))
+    refuse_if_any([*faults, *of_where, *of_by])
+    return Analysis(conditions, (), by)
+
+
+def read_statistics(asked: Asked[StatisticsQuery], vocabulary: Vocabulary) -> Analysis:
+    """Return what is summed up; raises the refusal with every fault."""
+    faults = list(asked.faults)
+    conditions, of_where = read_where(asked.parameters.where, vocabulary)
+    numbers = replace(_only(vocabulary, lambda fact: fact.kind is Kind.NUMBER), has_labels=False)
+    of, of_of = _names("of", asked.parameters.of, numbers)
+    by, of_by = _names("by", asked.parameters.by, _groupable(vocabulary))
+    if asked.parameters.of is None:
+        faults.append(Fault("?of", "missing_parameter", f"of is missing; {numbers.accepted()}"))
+    if len(by) > 1:
+        faults.append(Fault("?by", "too_many_columns", f"{len(by)} facts; one is accepted"))
+    refuse_if_any([*faults, *of_where, *of_of, *of_by])
+    return Analysis(conditions, of, by)
+
+
+def _groupable(vocabulary: Vocabulary) -> Vocabulary:
+    """Return what rows can have in common: not ids and instants."""
+    return _only(vocabulary, lambda fact: fact.kind not in (Kind.IDENTIFIER, Kind.INSTANT))
+
+
+def _only(vocabulary: Vocabulary, accept: Callable[[Fact], bool]) -> Vocabulary:
+    facts = {name: fact for name, fact in vocabulary.facts.items() if accept(fact)}
+    return replace(vocabulary, facts=facts)
+
+
+def _names(
+    parameter: str, text: str | None, vocabulary: Vocabulary
+) -> tuple[tuple[Subject, ...], list[Fault]]:
+    if text is None:
+        return (), []
+    parts = list(split(Excerpt(text, 0)))
+    if len(parts) > MOST_NAMES:
+        message = f"{len(parts)} names; at most {MOST_NAMES} are accepted"
+        return (), [Fault(f"?{parameter}", "too_many_columns", message)]
+    return read_names(parameter, parts, vocabulary)

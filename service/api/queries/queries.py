@@ -10,7 +10,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 from starlette.datastructures import QueryParams
 
-from service.api.replies.errors import invalid_request
+from service.api.replies import invalid_request
 from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import read_exact
 

@@ -1,19 +1,17 @@
 """Facets and statistics of jobs, solutions and points: how often values occur, and how numbers are spread."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
 from service.api.dependencies import Inside
 from service.api.middleware.heavy_answers import heavy
-from service.api.queries.analysis import FacetsQuery, StatisticsQuery, read_facets, read_statistics
-from service.api.queries.lists import estimate_of
+from service.api.queries.lists import FacetsQuery, StatisticsQuery, estimate_of, read_facets, read_statistics
 from service.api.queries.points import vocabulary_of
 from service.api.queries.queries import Asked, asked_of, query_parameters
-from service.api.replies.responses import SweepId, json_response, refusals
-from service.schemas.query.conditions import Subject
-from service.schemas.replies.analysis import (
+from service.api.replies import SweepId, json_response, refusals
+from service.schemas.replies.sweep import (
     FacetOut,
     FacetsOut,
     FacetValueOut,
@@ -127,7 +125,7 @@ def get_point_statistics(
     if asked.parameters.estimate:
         return estimate_of(_ALL_POINTS)
     table = PointTable(PointReader(inside.sweeps, record.id, sweep, with_series=False), analysis.conditions)
-    by, query = _name(analysis.by), asked.parameters
+    by, query = analysis.by[0].name if analysis.by else None, asked.parameters
     return _statistics(
         statistic
         for subject in analysis.of
@@ -156,18 +154,12 @@ def _statistics_of_rows(asked: Asked[StatisticsQuery], database: Database, sourc
         return _statistics(found)
 
 
-def _name(by: tuple[Subject, ...]) -> str | None:
-    return by[0].name if by else None
-
-
 def _facets(found: Iterable[Facet]) -> Response:
-    return json_response(FacetsOut(facets=list(_each_facet(found))))
-
-
-def _each_facet(found: Iterable[Facet]) -> Iterator[FacetOut]:
+    shown = []
     for facet in found:
         values = [FacetValueOut(value=value, count=count) for value, count in facet.values]
-        yield FacetOut(by=facet.name, values=values, others=facet.others)
+        shown.append(FacetOut(by=facet.name, values=values, others=facet.others))
+    return json_response(FacetsOut(facets=shown))
 
 
 def _statistics(found: Iterable[Statistic]) -> Response:

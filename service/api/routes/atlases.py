@@ -8,11 +8,9 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
-from service.api.bodies import Body, read_json
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import Body, Inside, Resources, read_json
 from service.api.descriptions import request_body
-from service.api.formats.atlases import choose_format, media_types
-from service.api.formats.lists import list_responses
+from service.api.formats.lists import choose_format, list_responses, media_types
 from service.api.formats.negotiation import Accept
 from service.api.keys.idempotency import IdempotencyKey, read_key
 from service.api.middleware.heavy_answers import heavy, listed, made_in_a_slot, read_list, while_connected
@@ -27,23 +25,21 @@ from service.api.queries.queries import (
     wants_job,
     without_query,
 )
-from service.api.queueing import SubmissionTerms, queue_result
-from service.api.replies.records import job_out
-from service.api.replies.responses import AtlasId, refusals
-from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_listed
+from service.api.replies import AtlasId, refusals
+from service.api.routes.jobs import JobsQuery, SubmitQuery, jobs_listed, shown
+from service.api.submission import SubmissionTerms, queue_result
 from service.api.tagged import validator_headers
 from service.api.verdicts.examiner import examine, verdict_in
 from service.api.verdicts.verdict_queue import Claimant
-from service.jobs.records import Job, JobKind
+from service.jobs.records import JobKind
 from service.sandbox import SandboxTimeoutError
-from service.schemas.atlas.reading import read_atlas
-from service.schemas.atlas.replies import AtlasOut
-from service.schemas.query.conditions import in_state
+from service.schemas.atlas.documents import AtlasOut, read_atlas
+from service.schemas.query.terms import in_state
 from service.schemas.reading.documents import Document
-from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.job import JobOut, JobPageOut
+from service.schemas.replies.sweep import QueryEstimateOut
 from service.storage.searching.sources import OF_ATLAS_ROWS
-from service.verdicts.atlases import examine_atlas, examine_setting
+from service.verdicts.questions import examine_atlas, examine_setting
 
 router = APIRouter(prefix="/v1/atlases", tags=["validations"])
 
@@ -167,12 +163,9 @@ async def _drawn(
 
 
 async def _queue(asked: _Checked, inside: Resources, terms: SubmissionTerms) -> Response:
-    def show(job: Job) -> tuple[JobOut, str]:
-        return job_out(job), f"/v1/jobs/{job.id}"
-
     # 202 also if it has ended in time: 200 is the atlas itself.
     in_time = HTTPStatus.ACCEPTED
-    return await queue_result(inside, terms, JobKind.ATLAS, asked.document, show, in_time=in_time)
+    return await queue_result(inside, terms, JobKind.ATLAS, asked.document, shown, in_time=in_time)
 
 
 @router.get(

@@ -7,39 +7,47 @@ from typing import Annotated, TypeVar
 
 from fastapi import APIRouter, Header, Request, Response
 
-from service.api.bodies import JSON, MERGE_PATCH, Patch, read_json
-from service.api.dependencies import Inside
+from service.api.dependencies import JSON, MERGE_PATCH, Inside, Patch, read_json
 from service.api.descriptions import request_body
 from service.api.middleware.security import Holder, check_owner
 from service.api.queries.queries import without_query
-from service.api.replies.errors import ApiError
-from service.api.replies.records import job_out, solution_out, sweep_out
-from service.api.replies.responses import (
+from service.api.replies import (
+    ApiError,
     JobId,
     SolutionId,
     SweepId,
     is_current,
+    job_out,
     json_content,
     json_response,
     refusals,
+    solution_out,
+    sweep_out,
     tag_of_content,
 )
 from service.api.tagged import solution_tag
 from service.jobs.keys import ApiKey
 from service.jobs.records import Job, SweepRecord
-from service.schemas.reading.annotation import MOST_LABELS, Annotation, patched
-from service.schemas.reading.annotation_in import MarksPatchIn
-from service.schemas.reading.documents import Document, Fault, InvalidProblemError, Part
+from service.schemas.problem.sections import MarksPatchIn
+from service.schemas.reading.documents import (
+    MOST_LABELS,
+    Annotation,
+    Document,
+    Fault,
+    InvalidProblemError,
+    Part,
+    patched,
+)
 from service.schemas.reading.parts import read_parts
 from service.schemas.replies.job import JobOut
 from service.schemas.replies.response_model import ResponseModel
 from service.schemas.replies.solution import SolutionOut
 from service.schemas.replies.sweep import SweepOut
 from service.storage.solutions.solution_store import Solution, standing_of
-from service.storage.sweeps.deleting import delete_job as remove_job
-from service.storage.sweeps.deleting import delete_solution as remove_solution
-from service.storage.sweeps.deleting import delete_sweep as remove_sweep
-from service.storage.sweeps.deleting import key_of_solution
+from service.storage.upkeep.retention import delete_job as remove_job
+from service.storage.upkeep.retention import delete_solution as remove_solution
+from service.storage.upkeep.retention import delete_sweep as remove_sweep
+from service.storage.upkeep.retention import key_of_solution
 
 router = APIRouter(prefix="/v1")
 

@@ -16,9 +16,7 @@ from service.api.events.poller import HEARTBEAT, MEDIA_TYPE, OPENING, Documents,
 from service.api.middleware.caching import is_head
 from service.api.middleware.security import Holder
 from service.api.queries.queries import without_query
-from service.api.replies.errors import ApiError
-from service.api.replies.records import job_out, sweep_out
-from service.api.replies.responses import NO_STORE, JobId, SweepId, json_content, refusals
+from service.api.replies import NO_STORE, ApiError, JobId, SweepId, job_out, json_content, refusals, sweep_out
 from service.api.routes.installation import status_document
 from service.jobs.keys import ApiKey, KeyStanding
 from service.jobs.records import Job, SweepRecord
@@ -26,7 +24,7 @@ from service.schemas.replies.job import StatusOut
 from service.settings import Settings
 from service.storage.database.availability import is_away
 from service.storage.database.database import Database
-from service.storage.jobs.changes import Followable
+from service.storage.jobs.rows import Followable
 
 router = APIRouter(prefix="/v1", tags=["events"])
 

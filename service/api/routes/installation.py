@@ -1,21 +1,25 @@
-"""The installation: its health, its state, its metrics, its measured accuracy, its catalogue."""
+"""The installation: its health, state, metrics, measured accuracy, catalogue, and its documentation."""
 
+from collections.abc import Mapping
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from dataclasses import asdict
+from functools import cache
 from http import HTTPStatus
+from importlib.resources import files
+from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
 from sqlalchemy.exc import SQLAlchemyError
 
 from service.api.dependencies import Checks, Inside, Resources
 from service.api.prometheus import TEXT_FORMAT
 from service.api.queries.queries import QueryModel, query_of, query_parameters, without_query
-from service.api.replies.errors import ApiError
-from service.api.replies.responses import json_response, refusals
+from service.api.replies import ApiError, json_response, refusals, tag_of_content
 from service.catalogue import cases, classical, families
+from service.dashboard.routes import HEADERS
 from service.dynamics.accuracy import MotionKind
 from service.dynamics.problem import Tier
 from service.jobs.kernels import most_missing
@@ -25,14 +29,13 @@ from service.schemas.replies.installation import AccuracyOut, AccuracyRowOut, Fa
 from service.schemas.replies.job import ClusterOut, StatusOut
 from service.schemas.replies.solution import CompilingOut, HealthOut, ReadinessOut
 from service.settings import Settings
+from service.storage.database.availability import LOG_BYTES, DatabaseFileError
 from service.storage.database.database import Database
-from service.storage.database.revisions import fault_of, stored_revision
-from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFileError
-from service.storage.jobs.worker_registry import SILENT_LEASES, WorkerRegistry, WorkersState
+from service.storage.database.migration import fault_of, stored_revision
 from service.storage.solutions.accuracy_store import AccuracyStore
 from service.storage.solutions.shipped_accuracy import shipped_comparison, shipped_costs
-from service.storage.upkeep.presence import GONE_SECONDS
-from service.storage.upkeep.status import status_of
+from service.storage.upkeep.presence import GONE_SECONDS, SILENT_LEASES, WorkerRegistry, WorkersState
+from service.storage.upkeep.statistics import status_of
 from service.verdicts.examination import answer_ping
 
 router = APIRouter()
@@ -230,3 +233,40 @@ def get_accuracy(
 def list_families() -> Response:
     """List families, named and classical cases: conditions, parameters, sources, example problems."""
     return json_response(FamiliesOut(items=families(), cases=cases(), classical=classical()))
+
+
+_PAGE = Path(__file__).with_name("page")
+_SWAGGER_UI = "fastapi_swagger.resources"
+"""The package that ships the files of Swagger UI."""
+_DOCS: Mapping[str, tuple[Path | str, str, str]] = {
+    "": (_PAGE, "docs.html", "text/html"),
+    "/start.js": (_PAGE, "start.js", "text/javascript"),
+    "/swagger-ui-bundle.js": (_SWAGGER_UI, "swagger-ui-bundle.js", "text/javascript"),
+    "/swagger-ui.css": (_SWAGGER_UI, "swagger-ui.css", "text/css"),
+    "/favicon-32x32.png": (_SWAGGER_UI, "favicon-32x32.png", "image/png"),
+}
+"""The interactive documentation of the API, with every file it needs, by paths below /docs."""
+
+
+async def show_documentation(request: Request) -> Response:
+    """Return a file of the documentation."""
+    content, media_type, headers = _documentation(request.scope["path"].rpartition("/docs")[2])
+    return Response(content, media_type=media_type, headers=headers)
+
+
+for _path in _DOCS:
+    router.add_api_route(
+        f"/docs{_path}",
+        show_documentation,
+        methods=["GET", "HEAD"],
+        dependencies=[without_query],
+        include_in_schema=False,
+    )
+
+
+@cache
+def _documentation(path: str) -> tuple[bytes, str, dict[str, str]]:
+    folder, name, media_type = _DOCS[path]
+    content = (files(folder) if isinstance(folder, str) else folder).joinpath(name).read_bytes()
+    headers = {**HEADERS, "Cache-Control": "public, max-age=3600", "ETag": tag_of_content(content)}
+    return content, media_type, headers

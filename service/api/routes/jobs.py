@@ -10,8 +10,7 @@ from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
-from service.api.bodies import Body, read_json
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import Body, Inside, Resources, read_json
 from service.api.descriptions import request_body
 from service.api.formats.lists import ListedRows, list_responses
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
@@ -28,29 +27,29 @@ from service.api.queries.queries import (
     wait_seconds,
     without_query,
 )
-from service.api.queueing import Made, SubmissionTerms, queue
-from service.api.replies.errors import ApiError
-from service.api.replies.records import job_out
-from service.api.replies.responses import JobId, json_response, refusals
+from service.api.replies import ApiError, JobId, job_out, json_response, refusals
 from service.api.submission import (
     ESTIMATE_WORK,
+    Made,
+    SubmissionTerms,
     accept,
     accept_many,
     check,
     check_each,
     estimate_jobs,
     nothing_accepted,
+    queue,
     refused_item,
 )
 from service.api.verdicts.examiner import Submission
 from service.jobs.queue import Lane
 from service.jobs.records import Job, JobKind, JobPage, JobState
-from service.schemas.query.conditions import ListQuery, in_state
+from service.schemas.query.terms import ListQuery, in_state
 from service.schemas.reading.documents import Document
-from service.schemas.replies.analysis import CostEstimateOut, QueryEstimateOut
 from service.schemas.replies.job import AttemptsOut, JobItemOut, JobListOut, JobOut, JobPageOut
+from service.schemas.replies.sweep import CostEstimateOut, QueryEstimateOut
 from service.settings import Settings
-from service.storage.keys.idempotency_store import Receipt
+from service.storage.keys import Receipt
 from service.storage.searching.sources import OF_JOB_ROWS, OF_STUDY_ROWS
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"])
@@ -192,10 +191,11 @@ async def _submit_one(problem: Submission, inside: Resources, terms: SubmissionT
             annotation=accepted.annotation,
         )
 
-    return await queue(inside, terms, store, _shown)
+    return await queue(inside, terms, store, shown)
 
 
-def _shown(job: Job) -> tuple[JobOut, str]:
+def shown(job: Job) -> tuple[JobOut, str]:
+    """Return a job as it is shown, and its path."""
     return job_out(job), f"/v1/jobs/{job.id}"
 
 

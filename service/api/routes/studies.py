@@ -7,8 +7,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
-from service.api.bodies import Body, read_json
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import Body, Inside, Resources, read_json
 from service.api.descriptions import request_body
 from service.api.keys.idempotency import IdempotencyKey, read_key
 from service.api.middleware.heavy_answers import heavy, while_connected
@@ -21,10 +20,9 @@ from service.api.queries.queries import (
     wants_job,
     without_query,
 )
-from service.api.queueing import SubmissionTerms, queue_result
-from service.api.replies.records import job_out
-from service.api.replies.responses import JobId, json_response, refusals
+from service.api.replies import JobId, job_out, json_response, refusals
 from service.api.routes.jobs import UrgencyQuery
+from service.api.submission import SubmissionTerms, queue_result
 from service.api.tagged import validator_headers
 from service.api.verdicts.examiner import verdict_in
 from service.api.verdicts.verdict_queue import Claimant
@@ -41,7 +39,7 @@ from service.schemas.replies.study import (
     PotentialsOut,
 )
 from service.schemas.study.reading import MODELS, What, read_question
-from service.verdicts.studies import QUESTIONS, examine_study
+from service.verdicts.questions import QUESTIONS, examine_study
 
 router = APIRouter(prefix="/v1", tags=["studies"])
 

@@ -9,30 +9,20 @@ from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
-from service.api.bodies import Body, read_json
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import Body, Inside, Resources, read_json
 from service.api.descriptions import request_body
 from service.api.keys.limits import check_problem_samples
 from service.api.middleware.heavy_answers import while_connected
 from service.api.middleware.security import Holder
 from service.api.queries.queries import QueryModel, query_of, query_parameters
-from service.api.replies.responses import json_response, refusals
+from service.api.replies import json_response, refusals
 from service.api.submission import needs_verdict
 from service.api.verdicts.examiner import Submission, examine, examine_with_formulas
 from service.api.verdicts.verdict_queue import Claimant
-from service.dynamics.accuracy import (
-    TIER_TOLERANCES,
-    TIERS,
-    AccuracyTable,
-    Expected,
-    Tier,
-    Unavailable,
-)
+from service.dynamics.accuracy import TIER_TOLERANCES, TIERS, AccuracyTable, Expected, Tier, Unavailable
 from service.dynamics.problem import Problem
-from service.schemas.problem.documents import ProblemIn
-from service.schemas.problem.problem import check_problem, check_question, expected_of_tiers
-from service.schemas.problem.questions import Question
-from service.schemas.problem.rules import CheckedProblem
+from service.schemas.problem.documents import CheckedProblem, ProblemIn
+from service.schemas.problem.problem import Question, check_problem, check_question, expected_of_tiers
 from service.schemas.problem.trusted import ONE_AT_A_TIME
 from service.schemas.reading.documents import Document, InvalidProblemError, Part
 from service.schemas.replies.verdict import VerdictOut

@@ -14,19 +14,17 @@ from typing import Protocol
 
 from starlette.concurrency import run_in_threadpool
 
-from service.api.replies.errors import ApiError
+from service.api.replies import ApiError
 from service.api.verdicts.verdict_queue import Claimant, VerdictQueue
 from service.api.verdicts.verdict_queue import Examination as Call
 from service.cache import Cache
 from service.dynamics.accuracy import AccuracyTable
 from service.sandbox import SandboxError
+from service.schemas.problem.documents import CheckedProblem
 from service.schemas.problem.problem import check_problem, choose_tier, problem_digest, with_tier
-from service.schemas.problem.rules import CheckedProblem
-from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.schemas.reading.documents import Document, Fault, Part
-from service.storage.examinations import ExaminationStore
+from service.schemas.reading.documents import UNANNOTATED, Annotation, Document, Fault, Part
+from service.storage.examinations import CacheRow, Examination, ExaminationKeys, ExaminationStore
 from service.typesetting.equations import Format
-from service.verdicts.cache_rows import CacheRow, Examination, ExaminationKeys
 from service.verdicts.examination import examine_problems
 from service.verdicts.formulas import examine_question_with_formulas, simplify_formula, with_simplified
 

@@ -22,7 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from http import HTTPStatus
 
-from service.api.replies.errors import ApiError
+from service.api.replies import ApiError
 from service.sandbox import Sandbox, SandboxTimeoutError
 from service.settings import Settings
 

@@ -4,7 +4,7 @@ import json
 import shutil
 import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self  # Any: documents of a service
@@ -21,7 +21,7 @@ from polhode.sweeps import Sweep
 from polhode.transport.carriers import ThreadCarrier
 from service.cli.common import REFUSED, WRONG_USAGE, fail
 from service.logs import one_line
-from service.schemas.replies.solution_text import curve_text, describe_record, potential_text, rounded
+from service.schemas.replies.text import curve_text, describe_record, potential_text, rounded
 from service.terminal import (
     STANDARD_STREAM,
     FileFaultError,
@@ -219,8 +219,8 @@ def judge_file(file: Path, *, url: str | None, key: str | None, as_json: bool) -
     if as_json:
         answer(json.dumps(found) + "\n")
     # Loaded for a verdict only: other commands are there sooner.
+    from service.schemas.replies.text import describe_verdict  # noqa: PLC0415
     from service.schemas.replies.verdict import VerdictOut  # noqa: PLC0415
-    from service.schemas.replies.verdict_text import describe_verdict  # noqa: PLC0415
 
     verdict = VerdictOut.model_validate(found)
     if verdict.verdict is None:
@@ -315,12 +315,7 @@ def list_all(
     as_json: bool,
 ) -> None:
     """Print what meets the conditions, or write it to a file."""
-    chosen = None if out is None else "csv" if out == STANDARD_STREAM else _ENDINGS.get(out.suffix)
-    if out is not None:
-        if chosen is None or chosen == "npz":
-            accepted = ", ".join(ending for ending, name in _ENDINGS.items() if name != "npz")
-            fail(f"--out {out}: accepted endings are {accepted}", WRONG_USAGE)
-        check_writable(out)
+    chosen = _format_of(out, [ending for ending, name in _ENDINGS.items() if name != "npz"])
     with connected(url, key) as client:
         match of:
             case "jobs":
@@ -410,11 +405,7 @@ def cancel_thing(thing_id: str, *, url: str | None, key: str | None) -> None:
 
 def sweep_file(file: Path, out: Path | None, *, url: str | None, key: str | None, as_json: bool) -> None:
     """Have the sweep of a file computed by a service, and write its points."""
-    chosen = None if out is None else "csv" if out == STANDARD_STREAM else _ENDINGS.get(out.suffix)
-    if out is not None:
-        if chosen is None:
-            fail(f"--out {out}: accepted endings are {', '.join(_ENDINGS)}", WRONG_USAGE)
-        check_writable(out)
+    chosen = _format_of(out, _ENDINGS)
     document = read_document(file)
     if not isinstance(document, dict) or "base" not in document:
         fail(f"{file}: a sweep is a JSON object with base and axes", REFUSED)
@@ -429,6 +420,16 @@ def sweep_file(file: Path, out: Path | None, *, url: str | None, key: str | None
                 written.write(content)
         if out != STANDARD_STREAM:
             _print(sweep, as_json=as_json)
+
+
+def _format_of(out: Path | None, endings: Collection[str]) -> str | None:
+    """Return the format of a file that can be written, by its ending; None without a file."""
+    if out is None:
+        return None
+    if out != STANDARD_STREAM and out.suffix not in endings:
+        fail(f"--out {out}: accepted endings are {', '.join(endings)}", WRONG_USAGE)
+    check_writable(out)
+    return "csv" if out == STANDARD_STREAM else _ENDINGS[out.suffix]
 
 
 @contextmanager

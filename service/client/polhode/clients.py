@@ -9,27 +9,18 @@ from typing import ParamSpec, Self, TypeVar
 from urllib.parse import urlencode
 
 from polhode.atlases import Atlas, atlas_question, draw, stored_atlas
-from polhode.documents.problems import (
-    DEFAULT_KEEP,
-    Body,
-    Document,
-    Given,
-    problem,
-    question,
-    sweep_document,
-)
+from polhode.documents.problems import DEFAULT_KEEP, Body, Document, Given, problem, question, sweep_document
 from polhode.documents.quantities import Exact, written
 from polhode.errors import FailedError, MissingError
 from polhode.jobs import WAIT_SECONDS, Job, motion_of, submit
 from polhode.listings import Listing
 from polhode.lists import JobList, motions_of, stored_list, submit_list
 from polhode.motions import Motion
-from polhode.studies import Questions
+from polhode.studies import Judgement, Questions
 from polhode.sweeps import Sweep
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import MERGE_PATCH, ask, ask_json, follow
-from polhode.transport.steps import Operation, operation
-from polhode.verdicts import Judgement
+from polhode.transport.terms import Operation, operation
 
 Resource = Job[CarrierT] | Motion[CarrierT] | Sweep[CarrierT]
 

@@ -12,13 +12,12 @@ from pathlib import Path
 from typing import TypeVar
 
 from polhode.clients import AsyncClient, Client
+from polhode.drawing import Bar, is_watched
 from polhode.errors import PolhodeError, WrongArgumentError
 from polhode.motions import Motion
-from polhode.showing import Bar, is_watched
 from polhode.transport.carriers import LoopCarrier, ThreadCarrier, leave_at_forks
 from polhode.transport.exchange import ask_json
-from polhode.transport.steps import Operation
-from polhode.transport.terms import DEFAULT_URL, Cache, Progress, Terms, default_folder
+from polhode.transport.terms import DEFAULT_URL, Cache, Operation, Progress, Terms, default_folder
 
 
 def connect(

@@ -7,8 +7,7 @@ from polhode.errors import FailedError
 from polhode.motions import Motion
 from polhode.transport.carriers import CarrierT
 from polhode.transport.exchange import FINAL, ask_json, follow
-from polhode.transport.steps import Operation, operation
-from polhode.transport.terms import Terms
+from polhode.transport.terms import Operation, Terms, operation
 
 WAIT_SECONDS = 20
 """Seconds for which the service holds a request whose job is being solved; proxies may end longer ones."""

@@ -8,13 +8,12 @@ from urllib.parse import urlencode, urljoin
 
 from polhode.documents.problems import Document
 from polhode.documents.quantities import items
+from polhode.drawing import rows_html
 from polhode.errors import PolhodeError
 from polhode.evaluation import optional
-from polhode.showing import rows_html
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import ask, ask_json
-from polhode.transport.steps import Operation, operation
-from polhode.transport.terms import Terms
+from polhode.transport.terms import Operation, Terms, operation
 
 if TYPE_CHECKING:
     import pandas as pd

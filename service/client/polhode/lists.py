@@ -13,6 +13,7 @@ from typing import Generic
 
 from polhode.documents.problems import Document, Given, problem, read
 from polhode.documents.quantities import fields, items
+from polhode.drawing import table_html
 from polhode.errors import (
     FailedError,
     MissingError,
@@ -25,11 +26,9 @@ from polhode.errors import (
 )
 from polhode.listings import IDS, by_id
 from polhode.motions import Motion
-from polhode.showing import table_html
 from polhode.transport.carriers import CarrierT, LoopCarrier, ThreadCarrier
 from polhode.transport.exchange import FINAL, ask_json
-from polhode.transport.steps import Operation, Pause, Together, operation
-from polhode.transport.terms import Progress, Terms
+from polhode.transport.terms import Operation, Pause, Progress, Terms, Together, operation
 
 MOST = 1000
 """Problems in one request, as many as the service takes."""
@@ -208,7 +207,8 @@ def _divided(
     fault: RefusedError,
 ) -> Operation[None]:
     """Submit the halves of a piece that was refused as a whole: the other half may be accepted."""
-    is_too_long = fault.status in _DIVISIBLE or _exceeds_limit(fault.document)
+    # Else so many jobs are refused for now: even an empty queue would not take those that exceed the limit.
+    is_too_long = fault.status in _DIVISIBLE or fault.document.get("exceeds_limit") is True
     if len(problems) > 1 and is_too_long:
         middle = len(problems) // 2
         for half in (problems[:middle], problems[middle:]):
@@ -218,11 +218,6 @@ def _divided(
         found[index] = Submitted(index, None, fault)
     else:
         raise fault
-
-
-def _exceeds_limit(document: Mapping[str, object]) -> bool:
-    """Tell whether so many jobs would be refused even by an empty queue."""
-    return document.get("exceeds_limit") is True
 
 
 class JobList(Generic[CarrierT]):

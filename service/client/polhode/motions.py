@@ -13,13 +13,12 @@ from numpy.typing import ArrayLike
 from polhode import drawing, evaluation
 from polhode.documents.problems import Document, audit_of
 from polhode.documents.quantities import Exact, Quantity, fields, items, whole
+from polhode.drawing import sphere_svg, table_html
 from polhode.errors import FailedError, PolhodeError, WrongArgumentError
 from polhode.evaluation import FloatArray, FunctionOfTime, PairOfDoubles, Samples
-from polhode.showing import sphere_svg, table_html
 from polhode.transport.carriers import CarrierT, ThreadCarrier
 from polhode.transport.exchange import ARROW, FINAL, ask, ask_json, follow
-from polhode.transport.steps import Operation, operation
-from polhode.transport.terms import Terms
+from polhode.transport.terms import Operation, Terms, operation
 
 if TYPE_CHECKING:
     import pandas as pd

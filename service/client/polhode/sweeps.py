@@ -11,14 +11,14 @@ import numpy as np
 from polhode import drawing
 from polhode.documents.problems import Document, changed, nearest
 from polhode.documents.quantities import fields, items, whole
+from polhode.drawing import table_html
 from polhode.errors import WrongArgumentError
 from polhode.evaluation import FloatArray, optional
 from polhode.jobs import WAIT_SECONDS, motion_of, submit
 from polhode.motions import Motion
-from polhode.showing import table_html
 from polhode.transport.carriers import CarrierT
 from polhode.transport.exchange import ARROW, FINAL, ask, ask_json, follow
-from polhode.transport.steps import Operation, operation
+from polhode.transport.terms import Operation, operation
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -13,7 +13,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from service.schemas.atlas.replies import (
+from service.schemas.atlas.documents import (
     AtlasOut,
     AtlasPartOut,
     AtlasSamplesOut,

@@ -1,28 +1,36 @@
-"""The sections of a problem document as models, with their canonical documents: accuracy, body, times.
+"""The sections of a problem document as models, with canonical documents: accuracy, body, times, labels.
 
-Potentials and motions have chapters of their own.
+Potentials and motions have chapters of their own. Labels and a note are given with a job or a sweep, or
+changed by a merge patch (RFC 7396).
 """
 
+import re
+from collections.abc import Mapping
 from fractions import Fraction
+from functools import partial
 from typing import Annotated, Literal, Self
 
 from pydantic import (
+    AfterValidator,
     BeforeValidator,
     Discriminator,
     Field,
     PlainValidator,
     Tag,
+    WithJsonSchema,
     model_validator,
 )
 
-from service.dynamics.accuracy import (
-    CERTIFIED_BITS,
-    LARGEST_TOLERANCE,
-    SMALLEST_TOLERANCE,
-    TIERS,
-)
+from service.dynamics.accuracy import CERTIFIED_BITS, LARGEST_TOLERANCE, SMALLEST_TOLERANCE, TIERS
 from service.dynamics.problem import Tier
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import (
+    LABEL_KEY,
+    LABEL_KEYS,
+    LONGEST_NOTE,
+    LONGEST_VALUE,
+    MOST_LABELS,
+    Document,
+)
 from service.schemas.reading.numbers import (
     MAX_SAMPLES,
     Instant,
@@ -35,12 +43,7 @@ from service.schemas.reading.numbers import (
     read_time,
     refuse,
 )
-from service.schemas.reading.parts import (
-    TAG_MARK,
-    Section,
-    require_one,
-    tag_by_field,
-)
+from service.schemas.reading.parts import TAG_MARK, Section, WireModel, require_one, tag_by_field
 
 LONGEST_BUDGET = Fraction(3600)
 
@@ -50,17 +53,11 @@ _ACCEPTED = (
 )
 
 
-def _read_tolerance(value: object) -> Fraction:
-    return read_positive(value, accepted="1e-15 to 1e-2 are accepted")
-
-
-def _read_budget(value: object) -> Fraction:
-    return read_positive(value, accepted="1e-300 to 3600 seconds are accepted")
-
-
 # Made from the type of positive numbers, whose description stays.
-Tolerance = Annotated[Positive, PlainValidator(_read_tolerance)]
-Budget = Annotated[Positive, PlainValidator(_read_budget)]
+_TOLERANCE = partial(read_positive, accepted="1e-15 to 1e-2 are accepted")
+_BUDGET = partial(read_positive, accepted="1e-300 to 3600 seconds are accepted")
+Tolerance = Annotated[Positive, PlainValidator(_TOLERANCE)]
+Budget = Annotated[Positive, PlainValidator(_BUDGET)]
 
 
 def _attainable(tolerance: Fraction, name: str) -> None:
@@ -184,12 +181,9 @@ class BodyIn(Section):
 
     def canonical(self) -> Document:
         """Return the document with every field."""
-        return {
-            "A": None if self.A is None else str(self.A),
-            "B": None if self.B is None else str(self.B),
-            "C": None if self.C is None else str(self.C),
-            "allow_unphysical": self.allow_unphysical,
-        }
+        moments = {name: getattr(self, name) for name in ("A", "B", "C")}
+        own = {name: None if moment is None else str(moment) for name, moment in moments.items()}
+        return {**own, "allow_unphysical": self.allow_unphysical}
 
 
 class TimeSpanIn(Section):
@@ -249,3 +243,78 @@ TimeIn = Annotated[
         )
     ),
 ]
+
+
+_NOT_IN_VALUES = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+"""Control characters."""
+_NOT_IN_NOTES = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+"""The same, but tabs and ends of lines."""
+
+
+def _key(text: str) -> str:
+    if not LABEL_KEY.match(text):
+        raise refuse("invalid_label", f"{text[:60]!r} is no key of a label; accepted are {LABEL_KEYS}")
+    return text
+
+
+def _value(text: str) -> str:
+    if not 1 <= len(text) <= LONGEST_VALUE or _NOT_IN_VALUES.search(text):
+        accepted = f"accepted are 1 to {LONGEST_VALUE} characters without control characters"
+        raise refuse("invalid_label", f"{text[:60]!r} is no value of a label; {accepted}")
+    return text
+
+
+def _note(text: str) -> str:
+    if len(text) > LONGEST_NOTE or _NOT_IN_NOTES.search(text):
+        accepted = f"accepted are at most {LONGEST_NOTE}; of control characters only tabs and newlines"
+        raise refuse("invalid_note", f"a note of {len(text)} characters; {accepted}")
+    return text
+
+
+def _labels_of(value: Mapping[str, object], **further: object) -> WithJsonSchema:
+    return WithJsonSchema(
+        {
+            "type": "object",
+            "propertyNames": {"pattern": "^[A-Za-z0-9]([A-Za-z0-9_.-]{0,61}[A-Za-z0-9])?$"},
+            "additionalProperties": value,
+            "examples": [{"project": "thesis"}],
+            **further,
+        }
+    )
+
+
+_VALUE_SCHEMA = {
+    "type": "string",
+    "minLength": 1,
+    "maxLength": LONGEST_VALUE,
+    "pattern": r"^[^\u0000-\u001f\u007f-\u009f]+$",
+}
+_NOTE_SCHEMA = {
+    "type": "string",
+    "maxLength": LONGEST_NOTE,
+    "pattern": r"^[^\u0000-\u0008\u000b-\u001f\u007f-\u009f]*$",
+}
+
+_Key = Annotated[str, AfterValidator(_key)]
+_Value = Annotated[str, AfterValidator(_value)]
+Labels = Annotated[
+    dict[_Key, _Value], Field(max_length=MOST_LABELS), _labels_of(_VALUE_SCHEMA, maxProperties=MOST_LABELS)
+]
+Note = Annotated[str, AfterValidator(_note), WithJsonSchema(_NOTE_SCHEMA)]
+_LabelChanges = Annotated[dict[_Key, _Value | None], _labels_of({"anyOf": [_VALUE_SCHEMA, {"type": "null"}]})]
+
+LABELS_HELP = (
+    f"Up to {MOST_LABELS} words to find it by, such as project: thesis. Keys: {LABEL_KEYS}; values: 1 to"
+    f" {LONGEST_VALUE} characters without control characters. No part of what is computed."
+)
+NOTE_HELP = f"A text of at most {LONGEST_NOTE} characters. No part of what is computed."
+
+
+class MarksPatchIn(WireModel):
+    """A merge patch (RFC 7396) of labels and note: what is left out stays, what is null goes."""
+
+    labels: _LabelChanges | None = Field(
+        default=None,
+        description="Values by their keys; null removes a label, and in place of the object all labels.",
+    )
+    note: Note | None = Field(default=None, description=f"{NOTE_HELP} null removes it.")

@@ -8,7 +8,7 @@
     subject    = fact / JSON pointer / "label." key      ; may stand in quotation marks
     operator   = "=" / "!=" / "<" / "<=" / ">" / ">="
 
-Nothing is evaluated: a text becomes :class:`~service.schemas.query.conditions.Condition`, or faults.
+Nothing is evaluated: a text becomes :class:`~service.schemas.query.terms.Condition`, or faults.
 """
 
 import re
@@ -17,20 +17,21 @@ from datetime import UTC, datetime
 
 from pydantic_core import PydanticCustomError
 
-from service.schemas.query.conditions import (
+from service.schemas.query.terms import (
     QUOTE,
     Condition,
     Excerpt,
+    Fact,
     Kind,
     Operator,
     OrderKey,
     QueryError,
     Subject,
     Value,
+    Vocabulary,
     split,
     unquoted,
 )
-from service.schemas.query.facts import Fact, Vocabulary
 from service.schemas.reading.documents import Fault
 from service.schemas.reading.numbers import read_exact
 

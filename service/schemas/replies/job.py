@@ -6,9 +6,8 @@ from typing import Literal
 from pydantic import Field
 
 from service.schemas.replies.response_model import Columns, PageOut, ResponseModel
+from service.schemas.replies.summary import StateName
 from service.schemas.replies.verdict import CounterexampleOut, EvidenceOut, ExistenceOut, MotionWindowOut
-
-StateName = Literal["queued", "running", "succeeded", "failed", "cancelled"]
 
 
 class JobOut(ResponseModel):

@@ -6,8 +6,9 @@ from typing import Literal
 from pydantic import Field
 
 from service.dynamics.numerics import ErrorKind
-from service.schemas.replies.job import ClusterOut, StateName
+from service.schemas.replies.job import ClusterOut
 from service.schemas.replies.response_model import ENDS_IN_WORDS, Columns, PageOut, ResponseModel
+from service.schemas.replies.summary import StateName
 from service.schemas.replies.verdict import KnownCaseOut, NoticeOut
 
 

@@ -5,9 +5,12 @@ stores and workers load no pydantic.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import NotRequired, TypedDict
+from typing import Literal, NotRequired, TypedDict
 
 from service.schemas.reading.documents import Part
+
+StateName = Literal["queued", "running", "succeeded", "failed", "cancelled"]
+"""The states of jobs and sweeps."""
 
 
 class EstimateSummary(TypedDict):

@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from fractions import Fraction
+from functools import partial
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
@@ -59,15 +60,7 @@ Areas = Annotated[
 ]
 
 
-def _read_degree(value: object) -> int:
-    return _up_to(value, MOST_DEGREE)
-
-
-def _read_potential_degree(value: object) -> int:
-    return _up_to(value, MOST_POTENTIAL_DEGREE)
-
-
-def _up_to(value: object, most: int) -> int:
+def _up_to(value: object, *, most: int) -> int:
     accepted = f"0 to {most} are accepted"
     number = read_integer(value, accepted=accepted)
     if not 0 <= number <= most:
@@ -76,11 +69,13 @@ def _up_to(value: object, most: int) -> int:
 
 
 Degree = Annotated[
-    int, PlainValidator(_read_degree), WithJsonSchema(integer_schema("4", minimum=0, maximum=MOST_DEGREE))
+    int,
+    PlainValidator(partial(_up_to, most=MOST_DEGREE)),
+    WithJsonSchema(integer_schema("4", minimum=0, maximum=MOST_DEGREE)),
 ]
 PotentialDegree = Annotated[
     int,
-    PlainValidator(_read_potential_degree),
+    PlainValidator(partial(_up_to, most=MOST_POTENTIAL_DEGREE)),
     WithJsonSchema(integer_schema("8", minimum=0, maximum=MOST_POTENTIAL_DEGREE)),
 ]
 
@@ -145,10 +140,6 @@ class RatioIn(WireModel):
     C: Moment = Field(description="The moment about the third axis.")
 
 
-def _nothing_is_none(value: object) -> object:
-    return None if value == {} else value
-
-
 def _accept_nothing(schema: JsonDict) -> None:
     if isinstance(choices := schema["anyOf"], list):
         choices.append({"type": "object", "maxProperties": 0})
@@ -157,7 +148,7 @@ def _accept_nothing(schema: JsonDict) -> None:
 class PotentialSearchIn(WireModel):
     """A degree, and perhaps a body: what ``POST /v1/potentials/searches`` takes."""
 
-    body: Annotated[RatioIn | None, BeforeValidator(_nothing_is_none)] = Field(
+    body: Annotated[RatioIn | None, BeforeValidator(lambda value: None if value == {} else value)] = Field(
         default=None,
         description="The rigid body; left out, null or empty: every ratio A/C.",
         json_schema_extra=_accept_nothing,

@@ -18,7 +18,7 @@ from service.dynamics.formula.parser import parse
 from service.dynamics.formula.tape import compile_tape
 from service.dynamics.formula.tree import Tree
 from service.dynamics.problem import PlanarMotion, Problem
-from service.schemas.atlas.reading import LARGEST, SMALLEST
+from service.schemas.atlas.documents import LARGEST, SMALLEST
 from service.schemas.problem.problem import each_once, read_problem
 from service.schemas.problem.trusted import trusted_problem
 from service.schemas.reading.documents import (

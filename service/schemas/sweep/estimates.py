@@ -8,7 +8,7 @@ those of one worker that does nothing else: two workers need half of them.
 
 import math
 import statistics
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
@@ -209,7 +209,11 @@ def estimate_of_sweep(
     if sweep.series_columns and SERIES_SECONDS * sweep.samples * len(sweep.series_columns) > BLOCK_SECONDS:
         slow.append(SlowReason("/series", "the samples of every point are computed and stored"))
     return CostEstimate(
-        sweep.points, problem.accuracy.tier, seconds, round(solved * stored), _each_once(slow)
+        sweep.points,
+        problem.accuracy.tier,
+        seconds,
+        round(solved * stored),
+        tuple(dict.fromkeys(slow))[:MOST_SLOW],
     )
 
 
@@ -410,7 +414,3 @@ def _slow_parts(problem: Problem, found: ExaminedPoint) -> Iterator[SlowReason]:
         )
     if family_of(problem.body, problem.potential) == "integral":
         yield SlowReason("/potential", "F or G has no closed form: the potential itself is an integral")
-
-
-def _each_once(parts: Iterable[SlowReason]) -> tuple[SlowReason, ...]:
-    return tuple(dict.fromkeys(parts))[:MOST_SLOW]

@@ -1,4 +1,7 @@
-"""Reads sweep documents, with all faults at once, and checks the rules between their parts."""
+"""Reads sweep documents and their axes, with all faults at once, and checks the rules between their parts.
+
+An axis says which number of the base varies, and its values.
+"""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,8 +12,13 @@ from typing import Annotated
 from pydantic import (
     AfterValidator,
     BaseModel,
+    BeforeValidator,
+    Discriminator,
     Field,
     GetJsonSchemaHandler,
+    PlainValidator,
+    Strict,
+    Tag,
     TypeAdapter,
     ValidationError,
     WithJsonSchema,
@@ -22,7 +30,7 @@ from service.dynamics.exact import exact_number
 from service.dynamics.problem import Problem
 from service.schemas.problem.documents import ProblemIn
 from service.schemas.problem.problem import each_once, read_problem
-from service.schemas.reading.annotation_in import LABELS_HELP, NOTE_HELP, Labels, Note
+from service.schemas.problem.sections import LABELS_HELP, NOTE_HELP, Labels, Note
 from service.schemas.reading.documents import (
     Document,
     Fault,
@@ -32,10 +40,17 @@ from service.schemas.reading.documents import (
     split_pointer,
     value_at,
 )
-from service.schemas.reading.numbers import Priority, refuse
-from service.schemas.reading.parts import WireModel, fields_of, read_parts
-from service.schemas.sweep.axes import MODELS as AXES
-from service.schemas.sweep.axes import AxisIn
+from service.schemas.reading.numbers import (
+    Exact,
+    Positive,
+    Priority,
+    each_of,
+    integer_schema,
+    read_exact,
+    read_integer,
+    refuse,
+)
+from service.schemas.reading.parts import TAG_MARK, WireModel, fields_of, read_parts, tag_by_field
 from service.schemas.sweep.sweep import (
     DEFAULT_KEEP,
     NUMBERS,
@@ -47,6 +62,106 @@ from service.schemas.sweep.sweep import (
     sweep_axis,
     sweep_of,
 )
+
+MAX_LISTED = 100_000
+LONGEST_AXIS = 100_000_000
+"""Values that one axis can have; how many points a sweep may have is a setting."""
+LARGEST_SEED = 2**64 - 1
+
+
+def _read_length(value: object) -> int:
+    number = read_integer(value)
+    if not 1 <= number <= LONGEST_AXIS:
+        raise refuse("out_of_range", f"{number:.6g} values; 1 to {LONGEST_AXIS} are accepted")
+    return number
+
+
+def _read_seed(value: object) -> int:
+    number = read_integer(value)
+    if not 0 <= number <= LARGEST_SEED:
+        raise refuse("out_of_range", "a seed is an integer; 0 to 18446744073709551615 are accepted")
+    return number
+
+
+def _require_span(value: object) -> object:
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        raise refuse("invalid_length", "a list of three is expected: [lo, hi, n], n values from lo to hi")
+    return value
+
+
+_LENGTH = WithJsonSchema(integer_schema("1000", minimum=1, maximum=LONGEST_AXIS))
+_SEED = WithJsonSchema(integer_schema("7", minimum=0, maximum=LARGEST_SEED))
+Length = Annotated[int, PlainValidator(_read_length), _LENGTH]
+Seed = Annotated[int, PlainValidator(_read_seed), _SEED]
+Span = Annotated[tuple[Exact, Exact, Length], Strict(False), BeforeValidator(_require_span)]
+PositiveSpan = Annotated[tuple[Positive, Positive, Length], Strict(False), BeforeValidator(_require_span)]
+
+_POINTER = "JSON pointer to a number of the base, such as /motion/lambda."
+
+
+class ListedAxisIn(WireModel):
+    """The values themselves."""
+
+    pointer: str = Field(description=_POINTER, max_length=200)
+    values: Annotated[
+        list[Exact], Field(min_length=1, max_length=MAX_LISTED), each_of(read_exact, most=MAX_LISTED)
+    ] = Field(description="Exact, in the order of the points.")
+
+
+class LinearAxisIn(WireModel):
+    """``n`` equidistant values from lo to hi, both included."""
+
+    pointer: str = Field(description=_POINTER, max_length=200)
+    linspace: Span = Field(description="[lo, hi, n].", examples=[[0.6, 2, 1000]])
+
+
+class LogarithmicAxisIn(WireModel):
+    """``n`` values with equal ratios from lo > 0 to hi > 0, both included."""
+
+    pointer: str = Field(description=_POINTER, max_length=200)
+    logspace: PositiveSpan = Field(description="[lo, hi, n].", examples=[["1e-3", 10, 100]])
+
+
+class UniformAxisIn(WireModel):
+    """``n`` independent random values between lo and hi; equal seeds at equal places give equal values."""
+
+    pointer: str = Field(description=_POINTER, max_length=200)
+    uniform: Span = Field(description="[lo, hi, n].", examples=[[-2, -1, 1000]])
+    seed: Seed = Field(default=0, description="Of the random numbers; 0 if left out.")
+
+
+AXES: Mapping[str, type[WireModel]] = {
+    "values": ListedAxisIn,
+    "linspace": LinearAxisIn,
+    "logspace": LogarithmicAxisIn,
+    "uniform": UniformAxisIn,
+}
+"""The axis classes by the field that holds their values."""
+
+
+def _require_axis(value: object) -> object:
+    if isinstance(value, tuple(AXES.values())):
+        return value
+    accepted = f'an axis has a "pointer" and one of {", ".join(AXES)}'
+    if not isinstance(value, dict):
+        raise refuse("invalid_type", f"an object is expected; {accepted}")
+    given = [name for name in AXES if name in value]
+    if len(given) > 1:
+        raise refuse("conflicting_fields", f"{' and '.join(given)} exclude each other; {accepted}")
+    if not given:
+        raise refuse("missing_field", accepted)
+    return value
+
+
+AxisIn = Annotated[
+    Annotated[ListedAxisIn, Tag(f"{TAG_MARK}values")]
+    | Annotated[LinearAxisIn, Tag(f"{TAG_MARK}linspace")]
+    | Annotated[LogarithmicAxisIn, Tag(f"{TAG_MARK}logspace")]
+    | Annotated[UniformAxisIn, Tag(f"{TAG_MARK}uniform")],
+    Discriminator(tag_by_field(tuple(AXES), "values")),
+    BeforeValidator(_require_axis),
+]
+
 
 MAX_AXES = 16
 

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from service.cache import Cache
+from service.storage.database.availability import DatabaseFile, DatabaseFileError
 from service.storage.database.database import Database
-from service.storage.database.sqlite_file import DatabaseFile, DatabaseFileError
 
 MOST = 4096
 """Cached values: those asked for last, a few hundred bytes each."""

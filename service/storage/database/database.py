@@ -22,6 +22,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from contextvars import ContextVar
+from functools import partial
 from sqlite3 import Connection as SqliteConnection
 from typing import TYPE_CHECKING, TypeVar
 
@@ -30,8 +31,13 @@ from sqlalchemy.orm import Session
 from sqlalchemy.pool import ConnectionPoolEntry
 
 from service.schemas.reading.documents import Document
-from service.storage.database.availability import is_stopped
-from service.storage.database.sqlite_file import LOG_BYTES, DatabaseFile, DatabaseFileError, file_of
+from service.storage.database.availability import (
+    LOG_BYTES,
+    DatabaseFile,
+    DatabaseFileError,
+    file_of,
+    is_stopped,
+)
 
 if TYPE_CHECKING:  # SQLAlchemy loads the driver of the database that is used, and no other
     from psycopg import Connection as PostgresConnection
@@ -258,7 +264,9 @@ def make_engine(url: str, *, file: DatabaseFile | None = None) -> Engine:
 
     ``file`` is the SQLite file if it must exist; else it is created with access for its owner only.
     """
-    engine = create_engine(url, json_serializer=_strict_json, connect_args=_arguments(url))
+    # NaN and infinities are refused: they are not JSON, and Postgres would refuse them later.
+    strict_json = partial(json.dumps, allow_nan=False)
+    engine = create_engine(url, json_serializer=strict_json, connect_args=_arguments(url))
     if engine.dialect.name == "sqlite":
         _watch(engine, file or file_of(engine.url), create=file is None)
         event.listen(engine, "connect", _configure_sqlite)
@@ -297,11 +305,6 @@ def _arguments(url: str) -> Document:
     }
     ours = arguments.get(asked.get_backend_name(), {})
     return {name: value for name, value in ours.items() if name not in asked.query}
-
-
-def _strict_json(document: object) -> str:
-    """Refuse NaN and infinities: they are not JSON, and Postgres would refuse them later."""
-    return json.dumps(document, allow_nan=False)
 
 
 def _configure_sqlite(connection: SqliteConnection, _: ConnectionPoolEntry) -> None:

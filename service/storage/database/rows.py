@@ -23,8 +23,7 @@ from sqlalchemy.orm.interfaces import ORMOption
 
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.jobs import JobRow
-from service.storage.tables.solutions import SolutionRow
-from service.storage.tables.sweeps import SweepRow
+from service.storage.tables.solutions import SolutionRow, SweepRow
 
 _TICKS_PER_MILLISECOND = 4096
 

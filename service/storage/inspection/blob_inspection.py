@@ -18,13 +18,12 @@ from service.storage.codecs.packing import (
     decode_points,
 )
 from service.storage.database.database import Database
+from service.storage.examinations import is_sound
 from service.storage.inspection.inspect import EXAMPLES, Finding
 from service.storage.tables.base import Base
 from service.storage.tables.jobs import ResultRow
 from service.storage.tables.operations import ExaminationRow
-from service.storage.tables.solutions import DenseOutputRow, SamplesRow
-from service.storage.tables.sweeps import SweepChunkRow
-from service.verdicts.cache_rows import is_sound
+from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SweepChunkRow
 
 Fields = tuple[Any, ...]
 

@@ -9,23 +9,23 @@ from dataclasses import dataclass, replace
 from sqlalchemy import CTE, BigInteger, and_, cast, exists, func, not_, or_, select, text, union_all
 from sqlalchemy.orm import Session
 
-from service.jobs.chunking import PILOT_POINTS, Range, cut
+from service.jobs.queue import PILOT_POINTS, Range, cut
 from service.jobs.records import FINISHED, AttemptOutcome, JobKind, JobState
 from service.storage.database.database import Database
-from service.storage.database.revisions import fault_of, newest_revision, stored_revision
+from service.storage.database.migration import fault_of, newest_revision, stored_revision
 from service.storage.inspection.invariants import (
+    Broken,
     Invariant,
     Remedy,
     differ,
     invariants_of_jobs,
     invariants_of_keys,
 )
-from service.storage.inspection.repairs import Broken
 from service.storage.jobs.chunks import hold, most_of, queue_chunks, range_of
-from service.storage.jobs.moves import end_attempt, move
+from service.storage.jobs.rows import end_attempt, move
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.jobs import JobRow
-from service.storage.tables.sweeps import SweepChunkRow, SweepRow
+from service.storage.tables.solutions import SweepChunkRow, SweepRow
 
 EXAMPLES = 5
 """Largest number of ids of violating rows that are listed for each invariant."""
@@ -108,7 +108,8 @@ def _check_file(database: Database) -> Iterator[Finding]:
     if database.engine.dialect.name != "sqlite":
         return
     with database.read() as session:
-        faults = [line for line in _lines(session, "PRAGMA integrity_check") if line != "ok"]
+        lines = map(str, session.scalars(text("PRAGMA integrity_check")))
+        faults = [line for line in lines if line != "ok"]
     finding = Finding("file", "the pages and indexes of the file are sound")
     yield replace(finding, broken=len(faults), examples=tuple(faults[:EXAMPLES]))
     if database.file is not None:
@@ -121,10 +122,6 @@ def _check_file(database: Database) -> Iterator[Finding]:
             examples=() if warning is None else (warning,),
             is_warning=True,
         )
-
-
-def _lines(session: Session, statement: str) -> list[str]:
-    return [str(line) for line in session.scalars(text(statement))]
 
 
 _LIVE = [state.value for state in JobState if state not in FINISHED]

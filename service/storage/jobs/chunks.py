@@ -11,19 +11,18 @@ from dataclasses import dataclass
 from sqlalchemy import Connection, bindparam, delete, func, literal_column, select, update
 from sqlalchemy.orm import Session, defer
 
-from service.jobs.chunking import PARTS, UNKNOWN_POINT_SECONDS, Range, cut, cut_rest, further, pilot
 from service.jobs.kernels import Kernels, Way, way_of_sweep
-from service.jobs.queue import Lane
+from service.jobs.queue import PARTS, UNKNOWN_POINT_SECONDS, Lane, Range, cut, cut_rest, further, pilot
 from service.jobs.records import AttemptOutcome, ChunkOutcome, Claim, JobKind, JobState, sources
 from service.schemas.reading.documents import Part
 from service.storage.database.rows import database_now, new_id
-from service.storage.jobs.moves import end_attempt, fence, may_become, move
-from service.storage.jobs.submitting import next_turns
-from service.storage.keys.key_store import charge
+from service.storage.jobs.queue import next_turns
+from service.storage.jobs.rows import end_attempt, fence, may_become, move
+from service.storage.keys import charge
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.operations import WorkerRow
-from service.storage.tables.sweeps import SweepChunkRow, SweepRow
+from service.storage.tables.solutions import SweepChunkRow, SweepRow
 
 _SWEEPS, _WORKERS = table_of(SweepRow), table_of(WorkerRow)
 _BEGUN = select(_SWEEPS.c.document, _SWEEPS.c.way, _SWEEPS.c.points).where(_SWEEPS.c.id == bindparam("sweep"))

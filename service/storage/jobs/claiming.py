@@ -19,16 +19,15 @@ from sqlalchemy import (
 from service.jobs.queue import Lane
 from service.jobs.records import Claim, ClaimedJobs, JobKind, JobState, StoredSolution
 from service.storage.database.database import is_postgres
-from service.storage.examinations import sound_content
+from service.storage.examinations import examination_version, sound_content
 from service.storage.jobs import chunks
 from service.storage.jobs.finishing import solved, succeed
-from service.storage.jobs.moves import may_become
 from service.storage.jobs.queue import first_jobs
+from service.storage.jobs.rows import may_become
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow
 from service.storage.tables.operations import ExaminationRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
-from service.verdicts.cache_rows import examination_version
 
 _SOLUTIONS, _DENSE, _SAMPLES = table_of(SolutionRow), table_of(DenseOutputRow), table_of(SamplesRow)
 _STORED = (

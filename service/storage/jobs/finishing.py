@@ -30,11 +30,10 @@ from service.storage.annotations import LABELS_OF_JOB, copy_labels
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.database import is_postgres
 from service.storage.database.rows import new_id
-from service.storage.jobs.moves import end_attempt, fence, may_become, move
-from service.storage.keys.key_store import charge
+from service.storage.jobs.rows import end_attempt, fence, may_become, move
+from service.storage.keys import charge
 from service.storage.tables.base import DatabaseNow, table_of
-from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow, ResultRow
-from service.storage.tables.labels import SolutionLabelRow
+from service.storage.tables.jobs import AttemptRow, AuditRow, JobRow, ResultRow, SolutionLabelRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 
 _ATTEMPTS, _SOLUTIONS = table_of(AttemptRow), table_of(SolutionRow)
@@ -104,7 +103,6 @@ _FENCE = (
     _JOBS.c.attempt == bindparam("try"),
 )
 _INSERT_EACH = insert_solution(_JOBS, *_FENCE)
-_INSERT_SOLUTION = _INSERT_EACH.returning(_SOLUTIONS.c.id)
 _SUCCEED_VALUES = {
     "state": JobState.SUCCEEDED.value,
     "solution_id": bindparam("solution"),
@@ -114,14 +112,14 @@ _SUCCEED_VALUES = {
     "lease_until": None,
     "finished_at": DatabaseNow(),
 }
-_SUCCEED = update(_JOBS).where(*_FENCE).values(_SUCCEED_VALUES).returning(_JOBS.c.id)
 _END_ATTEMPT = (
     update(_ATTEMPTS)
     .where(_ATTEMPTS.c.job_id == bindparam("job"), _ATTEMPTS.c.number == bindparam("try"))
     .values(ended_at=DatabaseNow(), outcome=AttemptOutcome.SUCCEEDED.value, detail=None)
 )
 _SUCCEED_EACH = update(_JOBS).where(*_FENCE).values(_SUCCEED_VALUES)
-"""The same for many rows, which cannot tell whether they were changed."""
+"""For many rows, which cannot tell whether they were changed."""
+_SUCCEED = _SUCCEED_EACH.returning(_JOBS.c.id)
 _COMPARE = (
     update(_AUDITS)
     .where(_AUDITS.c.job_id == bindparam("job"))
@@ -144,27 +142,13 @@ _DIGESTS = 500
 """Digests looked up by one statement: databases limit its parameters."""
 
 
-def store_and_charge(connection: Connection, claim: Claim, outcome: Solved) -> bool:
-    """Store the solution of a claimed job on the account of its key, if the claim holds."""
-    if not _store_uncharged(connection, claim, outcome):
-        return False
-    charge(connection, claim.key_id, len(outcome.dense) + len(outcome.samples))
-    return True
+def store_and_charge(connection: Connection, ended: Sequence[tuple[Claim, Solved]]) -> set[str]:
+    """Store the solutions of one worker's jobs on the accounts of their keys, each with arrays and labels.
 
-
-def _store_uncharged(connection: Connection, claim: Claim, outcome: Solved) -> bool:
-    summary = _with_examination(outcome.summary, claim.examined_seconds)
-    if not store_solution(connection, claim, summary, outcome.dense, outcome.samples):
-        return False
-    if outcome.comparison is not None:
-        connection.execute(_COMPARE, {"job": claim.job_id, "compared": outcome.comparison})
-    return True
-
-
-def store_and_charge_all(connection: Connection, ended: Sequence[tuple[Claim, Solved]]) -> set[str]:
-    """Do the same for several jobs of one worker; return the ids of those whose claims hold."""
+    Returns the ids of the jobs whose claims hold: these have succeeded, the others change nothing.
+    """
     if is_postgres(connection):
-        held = [pair for pair in ended if _store_uncharged(connection, *pair)]
+        held = [pair for pair in ended if _store_joined(connection, *pair)]
     else:
         held = _store_each(connection, ended)
     sizes: Counter[str] = Counter()
@@ -175,6 +159,17 @@ def store_and_charge_all(connection: Connection, ended: Sequence[tuple[Claim, So
     for key_id, size in sorted(sizes.items()):
         charge(connection, key_id, size)
     return {claim.job_id for claim, _ in held}
+
+
+def _store_joined(connection: Connection, claim: Claim, outcome: Solved) -> bool:
+    """Store a solution on Postgres, if the claim holds: by one statement, but for a comparison."""
+    summary = _with_examination(outcome.summary, claim.examined_seconds)
+    arrays = {"dense": outcome.dense, "samples": outcome.samples}
+    if connection.scalar(_STORE_AND_SUCCEED, {**_row(claim, new_id(), summary), **arrays}) is None:
+        return False
+    if outcome.comparison is not None:
+        connection.execute(_COMPARE, {"job": claim.job_id, "compared": outcome.comparison})
+    return True
 
 
 def _store_each(connection: Connection, ended: Sequence[tuple[Claim, Solved]]) -> list[tuple[Claim, Solved]]:
@@ -229,22 +224,6 @@ def _with_examination(summary: Part, seconds: float | None) -> Part:
     if seconds is None or not isinstance(cost, Mapping):
         return summary
     return {**summary, "cost": {**cost, "examination_seconds": seconds}}
-
-
-def store_solution(connection: Connection, claim: Claim, summary: Part, dense: bytes, samples: bytes) -> bool:
-    """Insert the solution of a claimed job, its arrays and labels, and move the job, if the claim holds."""
-    solution_id = new_id()
-    given = _row(claim, solution_id, summary)
-    if is_postgres(connection):
-        arrays = {"dense": dense, "samples": samples}
-        return connection.scalar(_STORE_AND_SUCCEED, {**given, **arrays}) is not None
-    # SQLite has one writer at a time: a claim that holds here still holds below.
-    if connection.scalar(_INSERT_SOLUTION, given) is None:
-        return False
-    connection.execute(_INSERT_DENSE, {"solution_id": solution_id, "data": dense})
-    connection.execute(_INSERT_SAMPLES, {"solution_id": solution_id, "data": samples})
-    copy_labels(connection, solution_id)
-    return succeed(connection, claim, solution_id, reused=False)
 
 
 def succeed(connection: Connection, claim: Claim, solution_id: str, *, reused: bool) -> bool:

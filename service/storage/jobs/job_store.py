@@ -31,25 +31,31 @@ from service.jobs.records import (
     Solved,
     SolveOutcome,
 )
-from service.schemas.query.conditions import ListQuery
-from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.schemas.reading.documents import Part
+from service.schemas.query.terms import ListQuery
+from service.schemas.reading.documents import UNANNOTATED, Annotation, Part
 from service.storage.annotations import rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, is_id
-from service.storage.examinations import store_rows
+from service.storage.examinations import CacheRow, Examination, store_rows
 from service.storage.jobs import chunks
 from service.storage.jobs.claiming import take_jobs
-from service.storage.jobs.finishing import store_and_charge, store_and_charge_all, store_result
-from service.storage.jobs.moves import BEGUN, end_attempt, fence, history, lose, move
-from service.storage.jobs.queue import announce
-from service.storage.jobs.records import job_of, jobs_of, page_of_jobs
-from service.storage.jobs.submitting import insert_jobs
-from service.storage.keys.idempotency_store import Receipt, write_key
+from service.storage.jobs.finishing import store_and_charge, store_result
+from service.storage.jobs.queue import announce, insert_jobs
+from service.storage.jobs.rows import (
+    BEGUN,
+    end_attempt,
+    fence,
+    history,
+    job_of,
+    jobs_of,
+    lose,
+    move,
+    page_of_jobs,
+)
+from service.storage.keys import Receipt, write_key
 from service.storage.searching.sources import OF_JOB_ROWS, chunks_of
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
-from service.verdicts.cache_rows import CacheRow, Examination
 
 _JOBS = table_of(JobRow)
 _HOLDS = (
@@ -275,7 +281,7 @@ class JobStore:
             with self._database.write() as session:
                 return store_result(session, claim, outcome), take(session.connection())
         with self._database.write_rows() as connection:
-            return store_and_charge(connection, claim, outcome), take(connection)
+            return bool(store_and_charge(connection, [(claim, outcome)])), take(connection)
 
     def finish_problems(
         self,
@@ -296,7 +302,7 @@ class JobStore:
         with self._database.write() as session:
             held = {claim.job_id for claim, outcome in refused if self._fail(session, claim, outcome.error)}
             connection = session.connection()
-            held |= store_and_charge_all(connection, solved)
+            held |= store_and_charge(connection, solved)
             taken = take_jobs(connection, worker, then_take, lease_seconds, starved, together)
             return frozenset(held), taken or ClaimedJobs()
 

@@ -20,14 +20,15 @@ from typing import (
 from sqlalchemy import ColumnElement, Select, and_, false, func, or_, select
 from sqlalchemy.orm import Session
 
-from service.schemas.query.conditions import ID, Condition, Kind, ListQuery, OrderKey, Subject, Value
+from service.schemas.query.terms import ID, Condition, Kind, ListQuery, OrderKey, Subject, Value
 from service.storage.database.database import is_postgres
-from service.storage.searching.conditions import bound, conditions_of
 from service.storage.searching.narrowing import (
     MANY,
     MOST,
     ROW,
     Narrowed,
+    bound,
+    conditions_of,
     entries,
     label_of_order,
     members,

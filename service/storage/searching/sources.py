@@ -13,13 +13,19 @@ from sqlalchemy import ColumnElement, Select, select
 from sqlalchemy.orm import InstrumentedAttribute, aliased, join
 
 from service.jobs.records import JobKind
-from service.schemas.query.conditions import Kind, Subject
-from service.schemas.query.facts import OF_JOBS, OF_RESULTS, OF_SOLUTIONS, OF_SWEEPS, Vocabulary, stored_name
+from service.schemas.query.terms import (
+    OF_JOBS,
+    OF_RESULTS,
+    OF_SOLUTIONS,
+    OF_SWEEPS,
+    Kind,
+    Subject,
+    Vocabulary,
+    stored_name,
+)
 from service.storage.database.database import Database
-from service.storage.tables.jobs import AuditRow, JobRow
-from service.storage.tables.labels import LABELS_OF, AnyLabelRow
-from service.storage.tables.solutions import SolutionNumberRow, SolutionRow
-from service.storage.tables.sweeps import SweepRow
+from service.storage.tables.jobs import LABELS_OF, AnyLabelRow, AuditRow, JobRow
+from service.storage.tables.solutions import SolutionNumberRow, SolutionRow, SweepRow
 
 Expression = ColumnElement[Any]
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from sqlalchemy import Select, func, null, select
 from sqlalchemy.orm import Session
 
-from service.schemas.query.conditions import Condition, Kind, Subject, Value
+from service.schemas.query.terms import Condition, Kind, Subject, Value
 from service.storage.searching.narrowing import met
 from service.storage.searching.sources import Source
 

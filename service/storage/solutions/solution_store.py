@@ -1,4 +1,4 @@
-"""Finds solutions by their numbers and reads them, with or without their arrays.
+"""Finds solutions by their numbers and reads them, with or without their arrays, and where they come from.
 
 :mod:`service.storage.jobs.job_store` writes a solution only together with the success
 of its job; so every stored solution comes from a succeeded job.
@@ -14,19 +14,19 @@ from typing import Any  # the types of the columns of a table that is not mapped
 from sqlalchemy import Connection, Select, bindparam, exists, select
 from sqlalchemy.orm import Session
 
-from service.jobs.records import SolutionNotFoundError
-from service.schemas.query.conditions import ListQuery, Value
-from service.schemas.reading.annotation import Annotation
-from service.schemas.reading.documents import Part
+from service.jobs.records import Attempt, SolutionNotFoundError
+from service.schemas.query.terms import ListQuery, Value
+from service.schemas.reading.documents import Annotation, Part
 from service.schemas.replies.summary import SolutionSummary
 from service.storage.annotations import annotations_of, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import instant, is_id, rows_of_page
 from service.storage.jobs.finishing import solved
+from service.storage.jobs.rows import history
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.tables.base import table_of
-from service.storage.tables.labels import SolutionLabelRow
+from service.storage.tables.jobs import JobRow, SolutionLabelRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 
 _SOLUTIONS, _SAMPLES, _LABELS = table_of(SolutionRow), table_of(SamplesRow), table_of(SolutionLabelRow)
@@ -190,3 +190,34 @@ def solution_of(row: SolutionRow, annotation: Annotation) -> Solution:
         created_at=instant(row.created_at),
         annotation=annotation,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class SolutionOrigin:
+    """The stored records of the making of a solution."""
+
+    solution: Solution
+    digest: str
+    """Hash of the problem and of the numerics version that solved it."""
+    examination: str | None
+    """Key of the windows that its examination found; None where none was kept."""
+    examined_seconds: float | None
+    """Seconds that the examination took; None if that is not known."""
+    attempts: tuple[Attempt, ...]
+    """At its job, oldest first; the last one that succeeded made it."""
+
+
+def origin_of(database: Database, solution_id: str) -> SolutionOrigin:
+    """Return the origin of a solution, or raise :class:`SolutionNotFoundError`."""
+    with database.read() as session:
+        row = session.get(SolutionRow, solution_id) if is_id(solution_id) else None
+        if row is None:
+            raise SolutionNotFoundError(solution_id)
+        job = session.get(JobRow, row.job_id)
+        return SolutionOrigin(
+            solution_of(row, *annotations_of(session, [row])),
+            row.digest,
+            None if job is None else job.examination,
+            None if job is None else job.examined_seconds,
+            history(session, row.job_id),
+        )

@@ -7,11 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from service.schemas.query.conditions import Condition, Value
+from service.schemas.query.terms import Condition, Value
 from service.schemas.sweep.sweep import Sweep
 from service.storage.searching.statistics import Facet, Statistic, statistic_of
-from service.storage.sweeps.point_query import OUTCOME, FloatArray, PointQuery, WordArray
-from service.storage.sweeps.point_reader import IntArray, PointBlock, PointReader
+from service.storage.sweeps.point_reader import (
+    OUTCOME,
+    FloatArray,
+    IntArray,
+    PointBlock,
+    PointQuery,
+    PointReader,
+    WordArray,
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from typing import Any  # the types of the columns of a table that is not mapped
 from sqlalchemy import Select, bindparam, select
 from sqlalchemy.orm import Session, defer
 
-from service.jobs.chunking import RECENT_SECONDS, ChunkRun, pilot, remaining_seconds
+from service.jobs.queue import RECENT_SECONDS, ChunkRun, pilot, remaining_seconds
 from service.jobs.records import (
     JobState,
     SweepFinishedError,
@@ -20,21 +20,19 @@ from service.jobs.records import (
     SweepProgress,
     SweepRecord,
 )
-from service.schemas.query.conditions import ListQuery
-from service.schemas.query.facts import facts_of
-from service.schemas.reading.annotation import UNANNOTATED, Annotation
-from service.schemas.reading.documents import Part
+from service.schemas.query.terms import ListQuery, facts_of
+from service.schemas.reading.documents import UNANNOTATED, Annotation, Part
 from service.storage.annotations import annotations_of, insert_labels, rewrite
 from service.storage.database.database import Database
 from service.storage.database.rows import database_now, instant, is_id, new_id, optional_instant, rows_of_page
 from service.storage.jobs import chunks
 from service.storage.jobs.queue import announce
-from service.storage.keys.idempotency_store import Receipt, write_key
+from service.storage.keys import Receipt, write_key
 from service.storage.searching.pages import find
 from service.storage.searching.sources import OF_SWEEP_ROWS
 from service.storage.tables.base import table_of
 from service.storage.tables.jobs import AttemptRow, JobRow
-from service.storage.tables.sweeps import SweepChunkRow, SweepRow
+from service.storage.tables.solutions import SweepChunkRow, SweepRow
 
 _LONG = SweepRow.document, SweepRow.provenances
 """Columns that lists of sweeps do not have."""

@@ -1,15 +1,15 @@
-"""The tables of jobs, their attempts, and what jobs make beside solutions: audits and documents."""
+"""The tables of jobs, their attempts, what they make beside solutions, and of the labels of each resource."""
+
+from collections.abc import Mapping
 
 from sqlalchemy import JSON, CheckConstraint, ForeignKey, Index, SmallInteger, String, Uuid, desc, false, text
 from sqlalchemy.orm import Mapped, mapped_column
 
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, JobKind, JobState
-from service.schemas.reading.annotation import LONGEST_NOTE
-from service.schemas.reading.documents import Document
+from service.schemas.reading.documents import LONGEST_KEY, LONGEST_NOTE, LONGEST_VALUE, Document
 from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Word
-from service.storage.tables.solutions import SolutionRow
-from service.storage.tables.sweeps import SweepRow
+from service.storage.tables.solutions import SolutionRow, SweepRow
 
 
 class JobRow(Base):
@@ -94,7 +94,7 @@ class JobRow(Base):
     changed_at: Mapped[float] = mapped_column(
         default=DatabaseNow(), onupdate=DatabaseNow(), server_default="0"
     )
-    """When anything of it was last written but a lease that was prolonged: see :mod:`..jobs.changes`."""
+    """When anything of it was last written but a lease that was prolonged: see :mod:`..jobs.rows`."""
 
 
 class AttemptRow(Base):
@@ -143,3 +143,67 @@ class AuditRow(Base):
     """The audited solution, not the one that the job makes."""
     comparison: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
     """The comparison of the two solutions; null as long as there is no second one."""
+
+
+class JobLabelRow(Base):
+    """A label of a job."""
+
+    __tablename__ = "job_labels"
+    __table_args__ = (
+        # To find by a label; a page in the order of time or of ids is read from these indexes as it is.
+        Index("ix_job_labels_key_value", "key", "value", "created_at", "job_id"),
+        Index("ix_job_labels_key_value_id", "key", "value", "job_id"),
+    )
+
+    owner_id: Mapped[str] = mapped_column(
+        "job_id", Uuid(as_uuid=False), ForeignKey(JobRow.id, ondelete="CASCADE"), primary_key=True
+    )
+    key: Mapped[str] = mapped_column(String(LONGEST_KEY), primary_key=True)
+    value: Mapped[str] = mapped_column(String(LONGEST_VALUE))
+    created_at: Mapped[float]
+    """When the job was stored, not the label."""
+
+
+class SolutionLabelRow(Base):
+    """A label of a solution."""
+
+    __tablename__ = "solution_labels"
+    __table_args__ = (
+        Index("ix_solution_labels_key_value", "key", "value", "created_at", "solution_id"),
+        Index("ix_solution_labels_key_value_id", "key", "value", "solution_id"),
+    )
+
+    owner_id: Mapped[str] = mapped_column(
+        "solution_id", Uuid(as_uuid=False), ForeignKey(SolutionRow.id, ondelete="CASCADE"), primary_key=True
+    )
+    key: Mapped[str] = mapped_column(String(LONGEST_KEY), primary_key=True)
+    value: Mapped[str] = mapped_column(String(LONGEST_VALUE))
+    created_at: Mapped[float]
+    """When the solution was stored."""
+
+
+class SweepLabelRow(Base):
+    """A label of a sweep."""
+
+    __tablename__ = "sweep_labels"
+    __table_args__ = (
+        Index("ix_sweep_labels_key_value", "key", "value", "created_at", "sweep_id"),
+        Index("ix_sweep_labels_key_value_id", "key", "value", "sweep_id"),
+    )
+
+    owner_id: Mapped[str] = mapped_column(
+        "sweep_id", Uuid(as_uuid=False), ForeignKey(SweepRow.id, ondelete="CASCADE"), primary_key=True
+    )
+    key: Mapped[str] = mapped_column(String(LONGEST_KEY), primary_key=True)
+    value: Mapped[str] = mapped_column(String(LONGEST_VALUE))
+    created_at: Mapped[float]
+    """When the sweep was stored."""
+
+
+AnyLabelRow = JobLabelRow | SolutionLabelRow | SweepLabelRow
+
+LABELS_OF: Mapping[type[JobRow | SolutionRow | SweepRow], type[AnyLabelRow]] = {
+    JobRow: JobLabelRow,
+    SolutionRow: SolutionLabelRow,
+    SweepRow: SweepLabelRow,
+}

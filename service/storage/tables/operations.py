@@ -1,4 +1,7 @@
-"""The tables of the installation: keys, stored answers, live processes, calibrations, examinations."""
+"""The tables of the installation: keys, stored answers, live processes, calibrations, examinations.
+
+Every table is listed at the end, each after the tables that it refers to.
+"""
 
 from sqlalchemy import JSON, BigInteger, String, Uuid, true
 from sqlalchemy.orm import Mapped, mapped_column
@@ -6,6 +9,23 @@ from sqlalchemy.orm import Mapped, mapped_column
 from service.jobs.keys import Role
 from service.schemas.reading.documents import Document
 from service.storage.tables.base import Base, Word
+from service.storage.tables.jobs import (
+    AttemptRow,
+    AuditRow,
+    JobLabelRow,
+    JobRow,
+    ResultRow,
+    SolutionLabelRow,
+    SweepLabelRow,
+)
+from service.storage.tables.solutions import (
+    DenseOutputRow,
+    SamplesRow,
+    SolutionNumberRow,
+    SolutionRow,
+    SweepChunkRow,
+    SweepRow,
+)
 
 
 class ApiKeyRow(Base):
@@ -83,10 +103,34 @@ class ExaminationRow(Base):
 
     key: Mapped[str] = mapped_column(primary_key=True)
     version: Mapped[str] = mapped_column(String(128))
-    """Version of the code that found it; see :func:`service.verdicts.cache_rows.examination_version`."""
+    """Version of the code that found it; see :func:`service.storage.examinations.examination_version`."""
     content: Mapped[bytes]
     """JSON, in UTF-8."""
     seal: Mapped[str]
     """Checksum of key and content."""
     used_at: Mapped[float] = mapped_column(index=True)
     """When a job or a question last came with it, to within a day."""
+
+
+TABLES: tuple[type[Base], ...] = (
+    ApiKeyRow,
+    IdempotencyKeyRow,
+    WorkerRow,
+    CalibrationRow,
+    ExaminationRow,
+    SolutionRow,
+    SolutionNumberRow,
+    DenseOutputRow,
+    SamplesRow,
+    SweepRow,
+    SweepChunkRow,
+    JobRow,
+    AttemptRow,
+    AuditRow,
+    ResultRow,
+    JobLabelRow,
+    SolutionLabelRow,
+    SweepLabelRow,
+)
+
+METADATA = Base.metadata

@@ -1,14 +1,25 @@
-"""The tables of solutions and their arrays."""
+"""The tables of solutions and their arrays, of sweeps and of their computed points."""
 
 from collections.abc import Iterator
 
-from sqlalchemy import JSON, ForeignKey, Index, PrimaryKeyConstraint, String, Text, Uuid
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    CheckConstraint,
+    ForeignKey,
+    Index,
+    PrimaryKeyConstraint,
+    SmallInteger,
+    String,
+    Text,
+    Uuid,
+)
 from sqlalchemy.orm import Mapped, mapped_column
 
-from service.schemas.reading.annotation import LONGEST_NOTE
-from service.schemas.reading.documents import Document
+from service.jobs.records import JobState
+from service.schemas.reading.documents import LONGEST_NOTE, Document
 from service.schemas.replies.summary import SolutionSummary
-from service.storage.tables.base import ASKED_DOCUMENT, Base
+from service.storage.tables.base import ASKED_DOCUMENT, Base, DatabaseNow, Word
 
 ASKED = (
     "family", "method", "tier", "stability", "aperiodic",
@@ -64,7 +75,7 @@ class SolutionRow(AskedColumns, Base):
     job_id: Mapped[str] = mapped_column(Uuid(as_uuid=False), unique=True)
     digest: Mapped[str] = mapped_column(index=True)
     facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
-    """The numbers of the problem by JSON pointer: see :mod:`service.schemas.query.facts`."""
+    """The numbers of the problem by JSON pointer: see :mod:`service.schemas.query.terms`."""
     note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
     # After all that is short: on SQLite what is read of a row costs what stands before it.
     problem: Mapped[Document] = mapped_column(sort_order=1)
@@ -87,7 +98,7 @@ class SolutionNumberRow(AskedColumns, Base):
     )
 
     key: Mapped[str] = mapped_column("name", Text(), sort_order=-1)
-    """As in the facts: see :func:`service.schemas.query.facts.stored_name`."""
+    """As in the facts: see :func:`service.schemas.query.terms.stored_name`."""
     value: Mapped[float] = mapped_column(sort_order=-1)
     owner_id: Mapped[str] = mapped_column("solution_id", Uuid(as_uuid=False), sort_order=-1)
 
@@ -151,3 +162,66 @@ class SamplesRow(Base):
         Uuid(as_uuid=False), ForeignKey("solutions.id", ondelete="CASCADE"), primary_key=True
     )
     data: Mapped[bytes]
+
+
+class SweepRow(Base):
+    """One sweep: the document that defines its points, and its progress; the points are in chunks."""
+
+    __tablename__ = "sweeps"
+    __table_args__ = (
+        CheckConstraint("done <= next_index AND next_index <= points", name="progress"),
+        CheckConstraint("refused <= done", name="refused"),
+        Index("ix_sweeps_state_id", "state", "id"),
+        Index("ix_sweeps_changed", "changed_at", "id"),
+    )
+
+    id: Mapped[str] = mapped_column(Uuid(as_uuid=False), primary_key=True)
+    state: Mapped[str] = mapped_column(Word(JobState))
+    document: Mapped[Document]
+    facts: Mapped[Document | None] = mapped_column(ASKED_DOCUMENT)
+    """Family and numbers of the base, for conditions."""
+    points: Mapped[int] = mapped_column(BigInteger)
+    next_index: Mapped[int] = mapped_column(BigInteger, default=0)
+    """Index of the first point that is in no chunk yet."""
+    done: Mapped[int] = mapped_column(BigInteger, default=0)
+    """Points in stored chunks, the refused ones among them."""
+    refused: Mapped[int] = mapped_column(BigInteger, default=0)
+    chunk_points: Mapped[int] = mapped_column(default=0)
+    """Size of the last chunk that was made."""
+    point_seconds: Mapped[float | None]
+    """Seconds a point took, as last measured."""
+    priority: Mapped[int] = mapped_column(default=0)
+    key_id: Mapped[str | None] = mapped_column(Uuid(as_uuid=False), index=True)
+    error: Mapped[Document | None] = mapped_column(JSON(none_as_null=True))
+    created_at: Mapped[float]
+    started_at: Mapped[float | None]
+    finished_at: Mapped[float | None]
+    way: Mapped[str | None] = mapped_column(String(16))
+    """The way in which all its points are computed; chosen when its first chunk is claimed."""
+    note: Mapped[str | None] = mapped_column(String(LONGEST_NOTE))
+    changed_at: Mapped[float] = mapped_column(
+        default=DatabaseNow(), onupdate=DatabaseNow(), server_default="0"
+    )
+    """When anything of it was last written: see :mod:`..jobs.rows`."""
+    provenances: Mapped[list[Document] | None] = mapped_column(JSON(none_as_null=True))
+    """Origins of its chunks: each provenance of a solution once, with the names of its ``hosts``."""
+
+
+class SweepChunkRow(Base):
+    """Some neighbouring computed points, in columns."""
+
+    __tablename__ = "sweep_chunks"
+    __table_args__ = (CheckConstraint("count > 0 AND refused <= count", name="count"),)
+
+    sweep_id: Mapped[str] = mapped_column(
+        Uuid(as_uuid=False), ForeignKey("sweeps.id", ondelete="CASCADE"), primary_key=True
+    )
+    first: Mapped[int] = mapped_column(BigInteger, primary_key=True, autoincrement=False)
+    count: Mapped[int]
+    refused: Mapped[int]
+    bounds: Mapped[Document]
+    """{number: [smallest, largest]} of the kept numbers: a filter skips chunks without reading them."""
+    data: Mapped[bytes]
+    host: Mapped[str | None] = mapped_column(String(255))
+    provenance: Mapped[int | None] = mapped_column(SmallInteger)
+    """Its place among the provenances of its sweep; null where that is not known, as of older ones."""

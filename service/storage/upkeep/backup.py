@@ -20,12 +20,10 @@ from sqlalchemy import Connection, Engine, Table, inspect, make_url, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, SQLAlchemyError
 from sqlalchemy.schema import AddConstraint, DropConstraint
 
-from service.storage.database.availability import is_away
+from service.storage.database.availability import create_private, is_away
 from service.storage.database.database import make_engine
-from service.storage.database.migration import migrate
-from service.storage.database.revisions import known_revisions, origin_of
-from service.storage.database.sqlite_file import create_private
-from service.storage.tables.schema import METADATA
+from service.storage.database.migration import known_revisions, migrate, origin_of
+from service.storage.tables.operations import METADATA
 from service.storage.upkeep.presence import GONE_SECONDS, forget_everybody, who_is_present
 
 BUSY_SECONDS = 30.0

@@ -12,8 +12,8 @@ from service.api.routes import events as routes
 from service.app import create_app
 from service.jobs.keys import Role
 from service.settings import Settings
-from service.storage.jobs.changes import ChangeReader, Followable
-from service.storage.keys.key_store import KeyStore
+from service.storage.jobs.rows import ChangeReader, Followable
+from service.storage.keys import KeyStore
 from tests.support.api import STATE
 from tests.support.keys import make
 from tests.support.streams import Stream, get, started

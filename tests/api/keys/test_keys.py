@@ -16,11 +16,11 @@ from service.api.keys.access import (
     MissingRoleError,
     check_roles,
 )
-from service.api.replies.errors import TITLES
+from service.api.replies import TITLES
 from service.jobs.keys import KeyStanding, Role
 from service.settings import Settings
 from service.storage.database.database import Database
-from service.storage.keys.key_store import KeyStore
+from service.storage.keys import KeyStore
 from tests.support.api import PLANAR, STATE, TestClient, create_app, finish
 from tests.support.keys import Clock, header, make
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from service.api.keys.limits import TokenBucket
 from service.jobs.keys import Role
 from service.settings import Settings
-from service.storage.keys.key_store import KeyLimits, KeyStore, charge
+from service.storage.keys import KeyLimits, KeyStore, charge
 from tests.support.api import STATE, TestClient, create_app, finish
 from tests.support.keys import Clock, header, make
 

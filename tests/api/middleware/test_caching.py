@@ -6,7 +6,7 @@ import re
 import pytest
 
 from service.api.keys.access import ACCESS
-from service.api.replies.responses import (
+from service.api.replies import (
     IMMUTABLE,
     NO_STORE,
     REVALIDATE,
@@ -15,15 +15,14 @@ from service.api.replies.responses import (
 from service.api.tagged import TAGGED
 from service.cache import Cache
 from service.jobs.keys import Role
-from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Annotation
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import JobStore
-from service.storage.keys.key_store import KeyStore
+from service.storage.keys import KeyStore
 from service.storage.solutions.result_store import ResultStore
 from service.storage.solutions.solution_store import SolutionStore
-from service.storage.sweeps.deleting import delete_solution
 from service.storage.sweeps.sweep_store import SweepStore
-from service.storage.upkeep.retention import prune_samples
+from service.storage.upkeep.retention import delete_solution, prune_samples
 from tests.support.api import NEEDED_QUERY, PLANAR, ask_again, solve_job
 from tests.support.keys import make
 from tests.support.sweeps import SWEEP, finish_sweep
@@ -150,7 +149,7 @@ def shut(monkeypatch):
     ):
         for name in names:
             monkeypatch.setattr(store, name, None)
-    monkeypatch.setattr("service.api.routes.solutions.provenance.origin_of", None)
+    monkeypatch.setattr("service.api.routes.audits.origin_of", None)
 
 
 def test_304_reads_no_arrays(client, places, monkeypatch):

@@ -10,7 +10,7 @@ import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.api.bodies import MAX_BODY_BYTES
+from service.api.dependencies import MAX_BODY_BYTES
 from service.api.formats.negotiation import (
     ACCEPTED,
     CodingError,

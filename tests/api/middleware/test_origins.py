@@ -4,8 +4,8 @@ import pytest
 from starlette.datastructures import Headers
 
 from service.api.keys.access import ACCESS
-from service.api.middleware.origins import check_length, check_origin
-from service.api.replies.errors import ApiError
+from service.api.middleware.security import check_length, check_origin
+from service.api.replies import ApiError
 from service.app import create_app
 from service.settings import Settings
 from tests.support.api import STATE, TestClient

@@ -7,7 +7,7 @@ from fastapi import FastAPI
 from sqlalchemy.exc import OperationalError
 
 from service.api.middleware.error_handlers import refusal_of
-from service.api.replies.errors import TITLES
+from service.api.replies import TITLES
 from service.sandbox import SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from tests.support.api import PLANAR, STATE
 from tests.support.verdicts import die, never_answer

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.api.replies.responses import REVALIDATE, coded, matching_tag, tag_of_content
+from service.api.replies import REVALIDATE, coded, matching_tag, tag_of_content
 from service.storage.upkeep.retention import prune_samples
 from tests.support.api import STATE, ask_again, finish
 from tests.support.sweeps import SWEEP, finish_sweep

@@ -7,8 +7,8 @@ from starlette.datastructures import QueryParams
 
 from service.api.queries.queries import read_query
 from service.api.routes.jobs import SubmitQuery
-from service.api.routes.solutions.solutions import SolutionsQuery
-from service.api.routes.solutions.trajectory import TrajectoryQuery
+from service.api.routes.solutions import SolutionsQuery
+from service.api.routes.trajectory import TrajectoryQuery
 from service.schemas.problem.potentials import MODELS
 from service.storage.database.database import SEARCH_SECONDS, Database, SearchTimeError
 from tests.support.api import PLANAR

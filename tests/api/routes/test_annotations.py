@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from sqlalchemy import func, select
 
 from service.jobs.keys import Role
-from service.schemas.reading.annotation import Annotation, patched
+from service.schemas.reading.documents import Annotation, patched
 from service.storage.inspection.inspect import inspect
-from service.storage.tables.labels import JobLabelRow, SolutionLabelRow, SweepLabelRow
+from service.storage.tables.jobs import JobLabelRow, SolutionLabelRow, SweepLabelRow
 from tests.support.api import STATE, finish
 from tests.support.keys import make
 from tests.support.sweeps import SWEEP, finish_sweep

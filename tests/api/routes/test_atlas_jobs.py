@@ -11,9 +11,9 @@ from service.jobs.keys import Role
 from service.sandbox import SandboxTimeoutError
 from service.settings import Settings
 from service.storage.inspection.inspect import inspect
-from service.storage.keys.key_store import KeyStore
+from service.storage.keys import KeyStore
 from service.storage.tables.jobs import ResultRow
-from service.verdicts.atlases import examine_atlas
+from service.verdicts.questions import examine_atlas
 from tests.support.api import TestClient
 from tests.support.keys import make
 from workers.computation.atlases import with_stability
@@ -98,7 +98,7 @@ class Hurried:
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("is_stopped", [False, True])
 def test_what_is_not_drawn_in_time_becomes_a_job(url, jobs, monkeypatch, is_stopped):
-    monkeypatch.setattr("service.verdicts.atlases.PROCESSOR_SECONDS", 0.0)
+    monkeypatch.setattr("service.verdicts.questions.ATLAS_PROCESSOR_SECONDS", 0.0)
     changing = {**ATLAS, "lambda": ["1/2", 1]}
     app = create_app(Settings(database_url=url), sandbox=Hurried(is_stopped=is_stopped))
     with TestClient(app) as client:
@@ -115,7 +115,7 @@ def test_no_time_leaves_something_undecided_and_says_that_it_was_the_time(monkey
     changing = json.dumps({**ATLAS, "lambda": ["1/2", 1]})
     in_time = json.loads(examine_atlas(changing))
     assert (in_time["is_late"], in_time["verdict"]["undecided"]) == (False, [])
-    monkeypatch.setattr("service.verdicts.atlases.PROCESSOR_SECONDS", 0.0)
+    monkeypatch.setattr("service.verdicts.questions.ATLAS_PROCESSOR_SECONDS", 0.0)
     late = json.loads(examine_atlas(changing))
     assert late["is_late"]
     assert late["verdict"]["undecided"]

@@ -12,7 +12,7 @@ from service.jobs.keys import Role
 from service.storage.codecs.packing import decode_arrays, decode_dense, encode_arrays, encode_dense
 from service.storage.database.rows import new_id
 from service.storage.inspection.inspect import inspect
-from service.storage.keys.key_store import KeyStore
+from service.storage.keys import KeyStore
 from service.storage.tables.jobs import AuditRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.api import PLANAR, STATE, solve_job

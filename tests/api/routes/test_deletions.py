@@ -9,10 +9,9 @@ from service.jobs.keys import Role
 from service.storage.database.rows import new_id
 from service.storage.inspection.inspect import inspect
 from service.storage.jobs.job_store import JobStore
-from service.storage.keys.key_store import KeyStore
-from service.storage.sweeps.deleting import delete_solution
-from service.storage.tables.operations import ApiKeyRow
-from service.storage.tables.schema import TABLES
+from service.storage.keys import KeyStore
+from service.storage.tables.operations import TABLES, ApiKeyRow
+from service.storage.upkeep.retention import delete_solution
 from tests.support.api import STATE, finish
 from tests.support.keys import make
 from tests.support.lists import list_jobs

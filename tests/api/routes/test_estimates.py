@@ -3,8 +3,8 @@
 import pytest
 
 from service.jobs.kernels import Kernels
-from service.local.worker_process import WorkerProcess
-from service.storage.jobs.worker_registry import WorkerRegistry
+from service.local.workers import WorkerProcess
+from service.storage.upkeep.presence import WorkerRegistry
 from tests.support.api import PLANAR
 from tests.support.sweeps import SWEEP
 

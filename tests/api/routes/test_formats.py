@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from service.api.formats.negotiation import MEDIA_TYPES
-from service.api.routes.sweeps import points as points_route
+from service.api.routes import points as points_route
 from tests.support.api import ERROR, STATE, SUMMARY
 from tests.support.sweeps import POINTS, SWEEP, finish_sweep
 

@@ -8,7 +8,7 @@ from sqlalchemy import func, select, update
 
 from service.jobs.keys import Role
 from service.storage.database.rows import new_id
-from service.storage.keys.idempotency_store import (
+from service.storage.keys import (
     KEPT_SECONDS,
     GivenAnswer,
     GivenKey,

@@ -24,7 +24,7 @@ from service.storage.database.database import Database
 from service.storage.database.rows import new_id
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import WorkerRow
-from service.storage.tables.sweeps import SweepRow
+from service.storage.tables.solutions import SweepRow
 from service.storage.upkeep.statistics import BOUNDS, SETTLED_SECONDS, Statistics
 from tests.support.api import STATE, SUMMARY, TestClient, finish
 from tests.support.finishing import finish_success

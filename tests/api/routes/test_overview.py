@@ -7,11 +7,11 @@ import pytest
 from sqlalchemy import update
 
 from service.jobs.kernels import ClusterState, LeftOut
-from service.local.worker_process import WorkerProcess
-from service.storage.jobs.worker_registry import WorkerRegistry
+from service.local.workers import WorkerProcess
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.jobs import AttemptRow
 from service.storage.tables.operations import WorkerRow
+from service.storage.upkeep.presence import WorkerRegistry
 from tests.support.api import STATE, finish
 from tests.support.sweeps import POINTS, SWEEP, finish_sweep
 

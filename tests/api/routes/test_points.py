@@ -252,8 +252,8 @@ def test_csv_has_no_series(with_series):
 
 
 def test_long_series_are_neither_sorted_nor_put_on_a_page(with_series, monkeypatch):
-    monkeypatch.setattr("service.api.routes.sweeps.points.MOST_SORTED_NUMBERS", 1000)
-    monkeypatch.setattr("service.api.routes.sweeps.points.MOST_NUMBERS", 100)
+    monkeypatch.setattr("service.api.routes.points.MOST_SORTED_NUMBERS", 1000)
+    monkeypatch.setattr("service.api.routes.points.MOST_NUMBERS", 100)
     (fault,) = with_series(ARROW, order="-index").json()["errors"]
     assert (fault["pointer"], fault["code"]) == ("?order", "sort_too_large")
     assert with_series(ARROW, order="-index", columns="index").status_code == 200

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from service.api.formats.citation import Cited, bibtex, title_of
+from service.api.formats.origins import Cited, bibtex, title_of
 from service.storage.database.rows import new_id
 from tests.support.sweeps import POINTS, SWEEP, finish_sweep
 

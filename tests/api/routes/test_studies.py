@@ -8,7 +8,7 @@ from sqlalchemy import select
 
 from service.jobs.keys import Role
 from service.storage.inspection.inspect import inspect
-from service.storage.keys.key_store import KeyStore
+from service.storage.keys import KeyStore
 from service.storage.tables.jobs import ResultRow
 from tests.support.keys import make
 from workers.process.tasks import study

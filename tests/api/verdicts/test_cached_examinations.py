@@ -1,7 +1,7 @@
 """The memory holds what was used last, and asks the store for the rest."""
 
 from service.api.verdicts.examiner import CachedExaminations
-from service.verdicts.cache_rows import CacheRow
+from service.storage.examinations import CacheRow
 
 
 class Store:

@@ -8,9 +8,8 @@ import pytest
 from service.api.verdicts.examiner import CachedExaminations, Examiner, Submission
 from service.api.verdicts.verdict_queue import Claimant
 from service.schemas.problem.problem import check_problem
-from service.storage.examinations import ExaminationStore
+from service.storage.examinations import ExaminationStore, keys_of
 from service.verdicts import cached
-from service.verdicts.cache_rows import keys_of
 from tests.support.api import PLANAR
 
 pytestmark = pytest.mark.any_database

@@ -11,7 +11,7 @@ from httpx import ASGITransport, AsyncClient
 from starlette.requests import ClientDisconnect, Request
 
 from service.api.middleware.heavy_answers import while_connected
-from service.api.replies.errors import ApiError
+from service.api.replies import ApiError
 from service.api.verdicts.verdict_queue import Claimant, VerdictQueue
 from service.app import create_app
 from service.jobs.keys import Role

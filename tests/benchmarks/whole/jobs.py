@@ -20,7 +20,7 @@ from tests.benchmarks.motions import DOUBLE, LIBRATION, NU_1, FloatArray, Measur
 from tests.support.examinations import examination_of
 from tests.support.heyoka_integrator import HeyokaAlgebra
 from tests.support.planar import body, formula
-from workers.calibration.reference import samples_of
+from workers.calibration.measurement import samples_of
 from workers.computation.compute import solve_document
 from workers.solvers.compiled.solve import TOLERANCES, Tier
 

@@ -9,7 +9,7 @@ from flint import arb, ctx
 from service.dynamics.atlas.atlas import make_atlas
 from service.dynamics.atlas.parts import LambdaRange
 from service.dynamics.body import EqualMomentsError
-from service.schemas.atlas.reading import read_atlas
+from service.schemas.atlas.documents import read_atlas
 from tests.support.effort import examples, one_in
 from tests.support.planar import body, formula
 

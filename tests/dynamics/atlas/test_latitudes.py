@@ -13,7 +13,7 @@ from service.dynamics.potentials.families.written import general_potential
 from service.dynamics.problem import PlanarMotion
 from service.dynamics.reduction.windows import find_windows
 from service.dynamics.verdict.simple_form import simplified
-from service.schemas.atlas.reading import read_atlas
+from service.schemas.atlas.documents import read_atlas
 from tests.support.effort import one_in
 from tests.support.planar import body, formula, planar
 from tests.support.solving import solve_planar

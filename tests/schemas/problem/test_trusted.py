@@ -13,11 +13,10 @@ from service.api.routes.validations import EXAMPLES as VALIDATIONS
 from service.catalogue import example_of
 from service.dynamics.classical.bodies import CASES
 from service.dynamics.potentials.potential import FormulaPotential
-from service.schemas.atlas.reading import read_atlas, trusted_atlas
-from service.schemas.problem.problem import check_problem, read_question
-from service.schemas.problem.questions import trusted_question
+from service.schemas.atlas.documents import read_atlas, trusted_atlas
+from service.schemas.problem.problem import check_problem, read_question, trusted_question
 from service.schemas.problem.trusted import curve_of, potential_of, trusted_problem
-from service.schemas.reading.annotation import split_annotation
+from service.schemas.reading.documents import split_annotation
 from service.schemas.sweep.reading import read_sweep
 from service.schemas.sweep.sweep import trusted_sweep
 from tests.conformance.specimens import SPECIMENS

@@ -7,17 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from service.schemas.query.conditions import Condition, Excerpt, Kind, Subject, split
-from service.schemas.query.facts import (
-    LONGEST_LIST,
-    MOST_NUMBERS,
-    OF_JOBS,
-    OF_SOLUTIONS,
-    OF_SWEEPS,
-    Vocabulary,
-    facts_of,
-    stored_name,
-)
 from service.schemas.query.reading import (
     LONGEST_QUERY,
     MOST_CONDITIONS,
@@ -25,6 +14,21 @@ from service.schemas.query.reading import (
     read_columns,
     read_order,
     read_where,
+)
+from service.schemas.query.terms import (
+    LONGEST_LIST,
+    MOST_NUMBERS,
+    OF_JOBS,
+    OF_SOLUTIONS,
+    OF_SWEEPS,
+    Condition,
+    Excerpt,
+    Kind,
+    Subject,
+    Vocabulary,
+    facts_of,
+    split,
+    stored_name,
 )
 
 ALL = Vocabulary({**OF_SWEEPS, **OF_JOBS, **OF_SOLUTIONS}, has_pointers=True, has_labels=True)

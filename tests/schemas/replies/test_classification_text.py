@@ -1,7 +1,7 @@
 """The classical cases on which a state lies, as text."""
 
+from service.schemas.replies.text import describe_classification
 from service.schemas.replies.verdict import ClassificationOut, IntegrableOut, NearCaseOut
-from service.schemas.replies.verdict_text import describe_classification
 
 NEAR = NearCaseOut(case="steklov", distance=0.25, is_on=False, relations={"q": 0.1, "g1 - x": None})
 LOST = NearCaseOut(case="hess", distance=None, is_on=False, relations={"p": 3.0})

@@ -15,12 +15,11 @@ from sqlalchemy.exc import DBAPIError
 from service.jobs.queue import Lane
 from service.storage.database import migration
 from service.storage.database.database import make_engine
-from service.storage.database.migration import migrate
-from service.storage.database.revisions import migrations_folder
+from service.storage.database.migration import migrate, migrations_folder
 from service.storage.database.rows import new_id
 from service.storage.jobs.queue import first_jobs
 from service.storage.tables.jobs import JobRow
-from service.storage.tables.schema import METADATA
+from service.storage.tables.operations import METADATA
 from tests.support.databases import FIRST, upgrade_to, url_of
 
 

@@ -13,8 +13,7 @@ from service.cli.commands import app
 from service.local.wakeup import WakeUpSocket
 from service.settings import Settings
 from service.storage.database.database import make_engine
-from service.storage.database.migration import migrate
-from service.storage.database.revisions import UnknownRevisionError, newest_revision
+from service.storage.database.migration import UnknownRevisionError, migrate, newest_revision
 from tests.support.api import TestClient
 from tests.support.commands import polhode
 from workers.cli.main import run

@@ -2,7 +2,7 @@
 
 from alembic.script import ScriptDirectory
 
-from service.storage.database.revisions import known_revisions, migrations_folder, newest_revision
+from service.storage.database.migration import known_revisions, migrations_folder, newest_revision
 
 
 def test_the_revisions_that_are_read_from_the_migrations_are_those_of_alembic():

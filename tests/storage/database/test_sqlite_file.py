@@ -12,11 +12,10 @@ from sqlalchemy import event, exc, make_url, text
 
 from service.app import create_app
 from service.settings import Settings
-from service.storage.database import sqlite_file
-from service.storage.database.availability import is_away
+from service.storage.database import availability
+from service.storage.database.availability import LEAST_FREE_BYTES, DatabaseFile, is_away
 from service.storage.database.database import Database
 from service.storage.database.migration import migrate
-from service.storage.database.sqlite_file import LEAST_FREE_BYTES, DatabaseFile
 from service.storage.inspection.inspect import inspect
 from service.storage.upkeep.backup import back_up, restore
 from service.storage.upkeep.presence import ServicePresence
@@ -204,7 +203,7 @@ def test_a_file_that_others_may_read_is_told_and_left_alone(sqlite_url, file):
 
 
 def test_a_log_that_a_reader_has_kept_is_cut_down_when_the_reader_has_gone(tmp_path, monkeypatch):
-    monkeypatch.setattr(sqlite_file, "LOG_BYTES", 100_000)
+    monkeypatch.setattr(availability, "LOG_BYTES", 100_000)
     url = url_of(tmp_path / "polhode.db")
     migrate(url)
     database = Database(url)

@@ -7,7 +7,7 @@ import pytest
 from sqlalchemy import MetaData, inspect, text
 
 from service.jobs.records import AttemptOutcome, JobState
-from service.schemas.query.conditions import Kind, ListQuery, equals
+from service.schemas.query.terms import Kind, ListQuery, equals
 from service.storage.database.database import Database, make_engine
 from service.storage.database.migration import migrate
 from service.storage.database.rows import new_id

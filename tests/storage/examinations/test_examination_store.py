@@ -8,10 +8,9 @@ import pytest
 from sqlalchemy import func, select, update
 
 from service.storage import examinations as kept_rows
-from service.storage.examinations import ExaminationStore
+from service.storage.examinations import CacheRow, ExaminationStore
 from service.storage.inspection.blob_inspection import check_blobs, repair_examinations
 from service.storage.tables.operations import ExaminationRow
-from service.verdicts.cache_rows import CacheRow
 
 DAMAGES = [{"content": b'{"number": 7}'}, {"content": b"\xff\x00"}, {"seal": "0" * 64}]
 

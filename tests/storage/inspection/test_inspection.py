@@ -9,15 +9,14 @@ from sqlalchemy.orm import Session
 
 from service.jobs.keys import Role
 from service.jobs.records import JobKind, JobResult, JobState, Solved
-from service.schemas.reading.annotation import Annotation
+from service.schemas.reading.documents import Annotation
 from service.storage.codecs.packing import encode_document
+from service.storage.database.availability import file_of
 from service.storage.database.database import Database
-from service.storage.database.sqlite_file import file_of
 from service.storage.inspection.inspect import inspect, invariants, repair
 from service.storage.jobs.job_store import JobStore
-from service.storage.keys.key_store import KeyStore
-from service.storage.solutions.audit_store import AuditStore
-from service.storage.solutions.result_store import ResultStore
+from service.storage.keys import KeyStore
+from service.storage.solutions.result_store import AuditStore, ResultStore
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.databases import PROBLEM, SUMMARY, copy_of
 from tests.support.finishing import finish_success

@@ -25,10 +25,10 @@ from service.jobs.records import (
     Solved,
     pause_after,
 )
-from service.storage.jobs import moves
+from service.storage.jobs import rows
 from service.storage.jobs.job_store import JobStore
 from service.storage.tables.base import DatabaseNow
-from service.storage.tables.schema import TABLES
+from service.storage.tables.operations import TABLES
 from service.storage.tables.solutions import SolutionRow
 from tests.support.effort import examples
 from tests.support.lists import list_jobs
@@ -262,7 +262,7 @@ class JobMachine(RuleBasedStateMachine):
 @pytest.mark.random_law
 def test_the_store_does_what_the_model_does(database, monkeypatch):
     # Jobs come back at times that can be foretold.
-    monkeypatch.setattr(moves.random, "uniform", lambda low, high: 0.0)
+    monkeypatch.setattr(rows.random, "uniform", lambda low, high: 0.0)
     clock = FakeClock(database.engine)
     run_state_machine_as_test(
         lambda: JobMachine(database, clock),

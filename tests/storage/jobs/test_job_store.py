@@ -19,13 +19,13 @@ from service.jobs.records import (
     SolutionNotFoundError,
 )
 from service.storage.database.rows import new_id
-from service.storage.jobs.moves import BEGUN
+from service.storage.jobs.rows import BEGUN
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from tests.support.databases import PROBLEM, SUMMARY
 from tests.support.effort import examples
 from tests.support.finishing import finish_success
 from tests.support.lists import list_jobs
-from workers.process.batches import shared_out
+from workers.process.results import shared_out
 
 OVER = -1.0  # a lease that has ended when it is granted
 

@@ -3,10 +3,10 @@
 import pytest
 from sqlalchemy import select, update
 
-from service.local.worker_process import OtherHostError, WorkerProcess, new_worker_name, this_host
-from service.storage.jobs.worker_registry import FORGOTTEN_SECONDS, WorkerRegistry
+from service.local.workers import OtherHostError, WorkerProcess, new_worker_name, this_host
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import WorkerRow
+from service.storage.upkeep.presence import FORGOTTEN_SECONDS, WorkerRegistry
 from tests.support.commands import polhode
 
 LEASE = 10.0

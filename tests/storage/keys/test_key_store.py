@@ -9,7 +9,7 @@ from service.jobs.keys import KeyNotFoundError, KeyStanding, Role, key_hash, key
 from service.jobs.records import POINTS_PER_JOB, queued_as
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from service.storage.database.database import Database
-from service.storage.keys.key_store import USED_SECONDS, KeyLimits, KeyStore, charge
+from service.storage.keys import USED_SECONDS, KeyLimits, KeyStore, charge
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.base import DatabaseNow
 from service.storage.tables.operations import ApiKeyRow

@@ -9,9 +9,8 @@ from itertools import count
 from hypothesis import strategies as st
 from sqlalchemy import delete, insert
 
-from service.schemas.query.conditions import Condition, Kind, ListQuery, OrderKey, Subject
-from service.schemas.query.facts import OF_SOLUTIONS, facts_of
-from service.schemas.reading.annotation import Annotation
+from service.schemas.query.terms import OF_SOLUTIONS, Condition, Kind, ListQuery, OrderKey, Subject, facts_of
+from service.schemas.reading.documents import Annotation
 from service.storage.annotations import insert_labels
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.rows import new_id

@@ -7,8 +7,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import event, text
 
-from service.schemas.query.conditions import ListQuery, OrderKey
 from service.schemas.query.reading import read_where
+from service.schemas.query.terms import ListQuery, OrderKey
 from service.storage.searching import narrowing
 from service.storage.searching.sources import SOLUTIONS
 from tests.storage.searching.rows import (

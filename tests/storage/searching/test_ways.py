@@ -8,9 +8,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import event, select
 
-from service.schemas.query.conditions import ListQuery, OrderKey
-from service.schemas.query.facts import facts_of
 from service.schemas.query.reading import read_where
+from service.schemas.query.terms import ListQuery, OrderKey, facts_of
 from service.storage.database.database import Database
 from service.storage.searching import narrowing, pages
 from service.storage.searching.sources import SOLUTIONS

@@ -6,8 +6,8 @@ from itertools import product
 from sqlalchemy import delete, event, text
 
 from service.jobs.records import JobState
-from service.schemas.query.conditions import ListQuery, OrderKey
 from service.schemas.query.reading import read_where
+from service.schemas.query.terms import ListQuery, OrderKey
 from service.storage.database.rows import new_id
 from service.storage.jobs.job_store import JobStore
 from service.storage.searching.sources import SOLUTIONS

@@ -2,8 +2,8 @@
 
 import pytest
 
-from service.schemas.query.conditions import ListQuery, OrderKey
 from service.schemas.query.reading import read_where
+from service.schemas.query.terms import ListQuery, OrderKey
 from service.storage.codecs.summary import summary_columns
 from service.storage.database.rows import new_id
 from service.storage.searching.sources import SOLUTIONS

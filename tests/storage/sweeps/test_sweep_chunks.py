@@ -14,7 +14,7 @@ from service.storage.database.database import Database
 from service.storage.jobs.job_store import JobStore
 from service.storage.sweeps.sweep_store import SweepStore
 from service.storage.tables.jobs import JobRow
-from service.storage.tables.sweeps import SweepChunkRow
+from service.storage.tables.solutions import SweepChunkRow
 from tests.support.effort import examples
 
 ATTEMPTS = 2

@@ -8,12 +8,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject
+from service.schemas.query.terms import Condition, Kind, OrderKey, Subject
 from service.schemas.sweep.reading import read_sweep
 from service.storage.codecs.packing import SOLVED
 from service.storage.sweeps import point_reader
-from service.storage.sweeps.point_query import PointQuery
-from service.storage.sweeps.point_reader import PointReader
+from service.storage.sweeps.point_reader import PointQuery, PointReader
 from service.storage.sweeps.sweep_store import SweepStore
 from tests.support.effort import examples
 from tests.support.sweeps import POINTS, SWEEP, energy_of, finish_sweep, is_refused, period_of

@@ -6,18 +6,18 @@ import pytest
 from sqlalchemy import func, select, update
 
 from service.api.tagged import TAGGED
-from service.jobs.chunking import RECENT_SECONDS, ChunkRun
 from service.jobs.kernels import Kernels
 from service.jobs.keys import Role
+from service.jobs.queue import RECENT_SECONDS, ChunkRun
 from service.jobs.records import JobKind, JobNotFoundError, JobState, SweepFinishedError, SweepNotFoundError
-from service.local.worker_process import WorkerProcess
+from service.local.workers import WorkerProcess
 from service.storage.codecs.packing import decode_points
 from service.storage.inspection.inspect import inspect
-from service.storage.jobs.worker_registry import WorkerRegistry
-from service.storage.keys.key_store import KeyStore
+from service.storage.keys import KeyStore
 from service.storage.sweeps import sweep_store as recent_chunks
 from service.storage.sweeps.sweep_store import SweepStore, chunk_runs, complete_since, standing_in
 from service.storage.tables.jobs import AttemptRow, JobRow
+from service.storage.upkeep.presence import WorkerRegistry
 from tests.support.databases import PROBLEM
 from tests.support.lists import list_jobs, list_sweeps
 from tests.support.sweeps import POINTS, SWEEP, finish_chunk, finish_sweep

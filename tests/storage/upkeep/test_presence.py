@@ -8,7 +8,7 @@ import sys
 import pytest
 from sqlalchemy import insert
 
-from service.local.worker_process import new_worker_name
+from service.local.workers import new_worker_name
 from service.storage.tables.base import DatabaseNow, table_of
 from service.storage.tables.operations import WorkerRow
 from service.storage.upkeep.presence import GONE_SECONDS, SERVICE, ServicePresence

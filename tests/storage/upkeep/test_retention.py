@@ -9,7 +9,7 @@ from service.jobs.keys import Role
 from service.settings import Settings
 from service.storage.database.rows import first_id, new_id
 from service.storage.inspection.inspect import inspect
-from service.storage.keys.key_store import KeyLimits, KeyStore
+from service.storage.keys import KeyLimits, KeyStore
 from service.storage.tables.jobs import JobRow
 from service.storage.tables.solutions import DenseOutputRow, SamplesRow, SolutionRow
 from service.storage.upkeep.retention import BATCH, Pruned, prune_samples

@@ -15,7 +15,7 @@ from service.dynamics.body import RigidBody
 from service.dynamics.potentials.potential import NoClosedFormError
 from service.dynamics.potentials.recognition import recognise
 from service.schemas.problem.problem import read_problem
-from service.schemas.query.conditions import ListQuery
+from service.schemas.query.terms import ListQuery
 from service.schemas.replies.installation import AccuracyTableModel
 from service.storage.codecs.packing import decode_arrays
 from service.storage.database.database import Database
@@ -26,21 +26,19 @@ from tests.support.commands import polhode
 from tests.support.databases import url_of
 from workers.calibration import measurement
 from workers.calibration.measurement import (
+    CASES,
     FULL,
     QUICK,
-    ClaimExceededError,
-    Effort,
-    calibrate,
-    steps,
-    whole_jobs,
-)
-from workers.calibration.reference import (
-    CASES,
     SAMPLES,
     STRIDE,
+    ClaimExceededError,
+    Effort,
     ReferenceStates,
+    calibrate,
     reference_states,
     samples_of,
+    steps,
+    whole_jobs,
 )
 from workers.cli.calibrate import describe
 from workers.computation.compute import solve_document

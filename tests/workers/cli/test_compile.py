@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from service.jobs.kernels import KERNELS, Kernels
-from service.local.worker_process import FOLDER_VARIABLE
+from service.local.workers import FOLDER_VARIABLE
 from tests.support.waiting import wait_until
 from tests.workers.processes import ROOT
 from workers.cli import compile as task

@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from service.local.worker_process import worker_command
+from service.local.workers import worker_command
 from service.sandbox import Sandbox, SandboxCrashError, SandboxMemoryError, SandboxTimeoutError
 from service.storage.database.database import Database
 from service.storage.jobs.job_store import JobStore

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 from flint import ctx
 
-from service.verdicts.atlases import examine_atlas
+from service.verdicts.questions import examine_atlas
 from workers.computation.atlases import with_stability
 from workers.solvers.stability.monodromy import transverse_stability
 

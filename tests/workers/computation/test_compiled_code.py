@@ -16,9 +16,9 @@ import pytest
 import workers
 from service.jobs.kernels import NeedsKernelsError
 from service.jobs.records import Solved
-from service.local.worker_process import FOLDER_VARIABLE, own_folder, why_no_folder
+from service.local.workers import FOLDER_VARIABLE, own_folder, why_no_folder
 from service.sandbox import Sandbox
-from service.verdicts.atlases import examine_atlas_of_job
+from service.verdicts.questions import examine_atlas_of_job
 from tests.support.effort import each_once
 from workers.computation import compiled_code, compute
 from workers.computation.atlases import draw_document, with_stability

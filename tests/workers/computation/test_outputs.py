@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from service.jobs.records import Refused, Solved
-from service.schemas.replies.solution_text import describe_solution
+from service.schemas.replies.text import describe_solution
 from service.storage.codecs.packing import decode_arrays
 from workers.computation.compute import solve_document
 

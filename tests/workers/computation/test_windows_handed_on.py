@@ -11,8 +11,8 @@ from service.dynamics.reduction import windows as found_windows
 from service.dynamics.verdict.simple_form import SIMPLER_POTENTIAL
 from service.jobs.records import Solved
 from service.schemas.problem.problem import check_problem
+from service.storage.examinations import keys_of
 from service.storage.tables.operations import ExaminationRow
-from service.verdicts.cache_rows import keys_of
 from service.verdicts.examination import examine_problems
 from tests.support.api import PLANAR
 from tests.support.examinations import examination_of

@@ -15,9 +15,8 @@ from tests.support.waiting import PATIENCE, is_alive, wait_until
 from tests.workers import chores
 from tests.workers.process.together import LIMITS, Together
 from workers.process import runner as runner_module
-from workers.process.batches import shared_out
 from workers.process.pool import Ledger, compute_in_turn
-from workers.process.results import JobLimits
+from workers.process.results import JobLimits, shared_out
 
 pytestmark = pytest.mark.any_database
 TOGETHER = 5

@@ -11,11 +11,11 @@ import pytest
 from distributed import Client
 
 from service.jobs.records import AttemptOutcome, JobKind, JobState
-from service.local.worker_process import this_host
+from service.local.workers import this_host
 from service.sandbox import Sandbox, SandboxCrashError
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome, decode_points
-from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.sweeps.sweep_store import SweepStore
+from service.storage.upkeep.presence import WorkerRegistry
 from tests.support.dask_cluster import Cluster, Network, kill_group
 from tests.support.waiting import is_alive, wait_until
 from tests.workers.chores import SOURCE

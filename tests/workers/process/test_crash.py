@@ -7,7 +7,7 @@ import pytest
 
 from service.jobs.queue import Lane
 from service.jobs.records import AttemptOutcome, JobState
-from service.storage.jobs.moves import BEGUN
+from service.storage.jobs.rows import BEGUN
 from tests.support.waiting import wait_until
 from tests.workers.processes import stop_between_transactions
 

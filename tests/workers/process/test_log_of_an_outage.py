@@ -2,14 +2,15 @@
 
 import logging
 import sqlite3
+from types import SimpleNamespace
 
 import pytest
 from sqlalchemy import exc
 
-from service.local.worker_process import WorkerProcess
+from service.local.workers import WorkerProcess
+from service.storage.database.availability import DatabaseFileError
 from service.storage.database.database import Database
-from service.storage.database.sqlite_file import DatabaseFileError
-from service.storage.jobs.worker_registry import WorkerRegistry
+from service.storage.upkeep.presence import WorkerRegistry
 from tests.support.databases import copy_of
 from workers.process.start import Waker
 from workers.process.worker import EngineLoop, Presence
@@ -60,9 +61,7 @@ def run(monkeypatch, caplog, nobody, presence):
         waker,
         service=None,
         announcements=None,
-        takes_jobs=lambda: True,
-        is_warm=lambda: True,
-        kernels=lambda: None,
+        readiness=SimpleNamespace(may_take_jobs=lambda: True, is_over=lambda: True, kernels=lambda: None),
         poll_seconds=0.0,
         grace_seconds=0.0,
     )

@@ -6,10 +6,10 @@ import pytest
 
 from service.jobs.kernels import KERNELS, NEVER, WAITS, Kernels, NeedsKernelsError
 from service.jobs.records import AttemptOutcome, JobState
-from service.local.worker_process import WorkerProcess
+from service.local.workers import WorkerProcess
 from service.sandbox import SandboxMemoryError, SandboxTimeoutError
-from service.storage.jobs.worker_registry import WorkerRegistry
 from service.storage.sweeps.sweep_store import SweepStore
+from service.storage.upkeep.presence import WorkerRegistry
 from tests.support.databases import PROBLEM
 from tests.support.sweeps import SWEEP
 from tests.workers.process.together import LIMITS

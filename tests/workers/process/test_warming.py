@@ -6,15 +6,16 @@ import signal
 import threading
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from service.jobs.kernels import KERNELS, Kernels
 from service.local.wakeup import WARM
-from service.local.worker_process import WorkerProcess
+from service.local.workers import WorkerProcess
 from service.sandbox import Sandbox, SandboxBrokenError
 from service.storage.database.database import Database
-from service.storage.jobs.worker_registry import WorkerRegistry
+from service.storage.upkeep.presence import WorkerRegistry
 from tests.support.databases import copy_of
 from workers.process.start import Compiling, Waker, Warming
 from workers.process.tasks import WarmUp
@@ -207,9 +208,9 @@ def test_jobs_are_taken_after_the_first_stage_and_the_row_says_warm_after_the_se
         waker,
         service=recorder,
         announcements=None,
-        takes_jobs=recorder.takes_jobs,
-        is_warm=recorder.is_warm,
-        kernels=lambda: HALF,
+        readiness=SimpleNamespace(
+            may_take_jobs=recorder.takes_jobs, is_over=recorder.is_warm, kernels=lambda: HALF
+        ),
         poll_seconds=0.0,
         grace_seconds=0.0,
     )

@@ -6,7 +6,7 @@ from concurrent.futures import Future
 import numpy as np
 import pytest
 
-from service.jobs.chunking import Range
+from service.jobs.queue import Range
 from service.schemas.sweep.reading import read_sweep
 from service.storage.codecs.packing import SOLVED, ChunkPoints, chunk_outcome
 from workers.cli.sweep import SUFFIXES, schema_of, table_of

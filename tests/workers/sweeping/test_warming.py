@@ -10,7 +10,7 @@ import pytest
 
 from service.dynamics.accuracy import TIERS
 from service.jobs.records import Refused
-from service.local.worker_process import FOLDER_VARIABLE
+from service.local.workers import FOLDER_VARIABLE
 from tests.support.commands import polhode
 from workers.computation import compiled_code
 from workers.sweeping import warming

@@ -36,6 +36,8 @@ IntArray = NDArray[np.int64]
 Key = tuple[object, ...]
 
 MOMENTS = ("A", "B", "C")
+SHORTENING = 0.0, 1.0, -1.0
+"""Numbers that shorten a formula."""
 MOST_TEMPLATES = 64
 """Structures of a potential that one sweep has templates for; other points have one each."""
 
@@ -99,6 +101,8 @@ class Template:
     """The base of each exponent, by the index of the exponent: two of one base would be one instruction."""
     distinct: tuple[int, int]
     """How many different constants, and exponents, there are."""
+    is_shared: bool
+    """Whether it is that of all points of a key, and not of one alone."""
 
     def numbers(self, values: Sequence[fmpq]) -> list[fmpq | None]:
         """Return the numbers of the tape at a point, None for π."""
@@ -119,7 +123,8 @@ class Template:
     def rows(self, values: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return the constants at doubles of the values, shape (points, values), and which are surely right.
 
-        None are where a constant is another multiple of a value than ±1, whose double is not known.
+        No value is one of ``SHORTENING``. None is right where a constant is another multiple of a value
+        than ±1, whose double is not known.
         """
         rows = np.repeat(self.constants[None, :], len(values), axis=0)
         for slot, (index, factor) in self.varying.items():
@@ -127,8 +132,7 @@ class Template:
         plain = all(abs(factor) == 1 and k not in self.exponents for k, (_, factor) in self.varying.items())
         known = np.sort(np.delete(rows, list(self.exponents), axis=1), axis=1)
         distinct = (np.diff(known, axis=1, prepend=np.nan) != 0.0).sum(axis=1)
-        are_own = plain & np.isfinite(known).all(axis=1) & (distinct == self.distinct[0])
-        return rows, are_own & ~np.isin(values, (0.0, 1.0, -1.0)).any(axis=1)
+        return rows, plain & np.isfinite(known).all(axis=1) & (distinct == self.distinct[0])
 
     def is_of(self, row: Sequence[float]) -> bool:
         """Tell whether numbers that differ at the probes differ here too, and none shortens the formula."""
@@ -174,7 +178,7 @@ class Templates:
             if shared.is_of(row):
                 return Constants(shared, exact, row)
         try:
-            own = _own(self.model.potential(moments, numbers).tape, {})
+            own = _template(self.model.potential(moments, numbers).tape, {}, is_shared=False)
         except (DynamicsError, ValueError):
             return None
         return Constants(own, list(own.fixed), own.constants.tolist())
@@ -198,7 +202,7 @@ class Templates:
             if source is None:
                 return None
             varying[slot] = source
-        return _own(tape, varying)
+        return _template(tape, varying, is_shared=True)
 
 
 def kind_of(value: fmpq) -> object:
@@ -206,7 +210,7 @@ def kind_of(value: fmpq) -> object:
     return int(value.p) if value.q == 1 and abs(value) <= 1 else 2 if value > 0 else -2
 
 
-def _own(tape: Tape, varying: Mapping[int, tuple[int, fmpq]]) -> Template:
+def _template(tape: Tape, varying: Mapping[int, tuple[int, fmpq]], *, is_shared: bool) -> Template:
     """Return the template of a tape whose other numbers are fixed."""
     program, constants = make_program(tape)
     fixed = tuple(None if number is None else as_fmpq(number) for number in numbers_of(tape))
@@ -214,7 +218,7 @@ def _own(tape: Tape, varying: Mapping[int, tuple[int, fmpq]]) -> Template:
     exponents = {slot: at.left for slot, at in enumerate(numbered) if at.operation == "power"}
     distinct = _distinct(constants.tolist(), exponents)
     rests = rests_of(tape, constants)
-    return Template(program, tape, constants, fixed, varying, rests, exponents, distinct)
+    return Template(program, tape, constants, fixed, varying, rests, exponents, distinct, is_shared)
 
 
 def _distinct(row: Sequence[float], exponents: Mapping[int, int]) -> tuple[int, int]:

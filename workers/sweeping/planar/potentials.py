@@ -32,6 +32,7 @@ from workers.sweeping.parameters.coefficients import Coefficients
 from workers.sweeping.parameters.family import Energies, Path, Poles, rounded
 from workers.sweeping.parameters.points import SweptPoints, are_numbers
 from workers.sweeping.parameters.templates import (
+    SHORTENING,
     Constants,
     Group,
     Model,
@@ -133,11 +134,12 @@ class FamilyOfBlock:
         templates, doubles = self._family.templates, self._parameters.doubles
         order, groups = templates.model.order, list[Group]()
         # Those whose signs are alike mostly share a template, and its constants are doubles that are known.
-        signs, left = np.sign(doubles[indices]), indices
+        left, generic = indices, indices[~np.isin(doubles[indices], SHORTENING).any(axis=1)]
+        signs = np.sign(doubles[generic])
         for pattern in [] if order is None or has_rests else np.unique(signs, axis=0):
-            alike = indices[(signs == pattern).all(axis=1)]
-            first = self._constants(int(alike[len(alike) // 2]))
-            if first is not None:
+            alike = generic[(signs == pattern).all(axis=1)]
+            first = self._constants(int(alike[0]))
+            if first is not None and first.template.is_shared:
                 rows, are_own = first.template.rows(doubles[alike][:, order])
                 groups.append(Group(first.template, rows[are_own], alike[are_own]))
                 left = np.setdiff1d(left, alike[are_own])

@@ -16,7 +16,7 @@ from weakref import WeakSet
 import httpx
 
 from polhode.errors import PolhodeError, WrongArgumentError
-from polhode.transport.steps import (
+from polhode.transport.terms import (
     LostConnectionError,
     NextLine,
     Operation,
@@ -24,9 +24,9 @@ from polhode.transport.steps import (
     Reply,
     Send,
     Step,
+    Terms,
     Together,
 )
-from polhode.transport.terms import Terms
 
 T = TypeVar("T")
 CarrierT = TypeVar("CarrierT", bound="ThreadCarrier | LoopCarrier")

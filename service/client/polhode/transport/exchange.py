@@ -7,8 +7,16 @@ import uuid
 from collections.abc import Callable, Mapping
 
 from polhode.errors import UnfinishedError, UnreachableError, refused
-from polhode.transport.steps import LostConnectionError, NextLine, Operation, Pause, Reply, Send
-from polhode.transport.terms import Progress, Terms
+from polhode.transport.terms import (
+    LostConnectionError,
+    NextLine,
+    Operation,
+    Pause,
+    Progress,
+    Reply,
+    Send,
+    Terms,
+)
 
 MERGE_PATCH = "application/merge-patch+json"
 JSON, ARROW, EVENTS = "application/json", "application/vnd.apache.arrow.stream", "text/event-stream"

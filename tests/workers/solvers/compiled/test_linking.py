@@ -10,7 +10,7 @@ import pytest
 from llvmlite import binding
 
 import workers
-from service.local.worker_process import FOLDER_VARIABLE
+from service.local.workers import FOLDER_VARIABLE
 from tests.support.effort import one_in
 from workers.solvers.compiled.kernels import LEVELS, level
 

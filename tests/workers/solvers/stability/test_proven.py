@@ -12,7 +12,7 @@ from service.dynamics.formula.algebras.ball import ball
 from service.dynamics.solution.dense_output import exact_middle
 from service.jobs.records import Solved
 from service.schemas.problem.problem import read_problem
-from service.schemas.replies.solution_text import describe_solution
+from service.schemas.replies.text import describe_solution
 from service.schemas.sweep.sweep import kept_numbers
 from service.storage.codecs.summary import summary_columns
 from tests.conformance.classical.specimens import FREE, LOOPS, WORKED, document, placed, random_documents

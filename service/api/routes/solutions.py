@@ -13,16 +13,14 @@ from service.api.formats.lists import ListedRows, list_responses
 from service.api.middleware.heavy_answers import listed, read_list
 from service.api.queries.lists import AskingQuery, Listing
 from service.api.queries.queries import Asked, Number, asked_of, query_parameters, without_query
-from service.api.replies.records import solution_out
-from service.api.replies.responses import JSON, SolutionId, json_content, refusals
+from service.api.replies import JSON, SolutionId, json_content, refusals, solution_out
 from service.api.tagged import validator_headers
 from service.dynamics.numerics import SolvedBy
 from service.dynamics.problem import Tier
-from service.schemas.query.conditions import Condition, Kind, OrderKey, Subject, equals
-from service.schemas.query.facts import OF_SOLUTIONS, FamilyName
+from service.schemas.query.terms import OF_SOLUTIONS, Condition, FamilyName, Kind, OrderKey, Subject, equals
 from service.schemas.reading.documents import Fault
-from service.schemas.replies.analysis import QueryEstimateOut
 from service.schemas.replies.solution import SolutionOut, SolutionPageOut
+from service.schemas.replies.sweep import QueryEstimateOut
 from service.storage.database.rows import is_id
 from service.storage.searching.sources import OF_SOLUTION_ROWS
 from service.storage.solutions.solution_store import SolutionPage, standing_and_annotation

@@ -1,4 +1,7 @@
-"""GET /v1/solutions/{id}/trajectory: stored samples, or samples at any other times; and .../function."""
+"""GET /v1/solutions/{id}/trajectory: samples at stored or any other times; .../function; .../enclosures.
+
+Enclosures are the proven samples of the certified tier.
+"""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -26,10 +29,10 @@ from service.api.queries.queries import (
     refuse_if_any,
     without_query,
 )
-from service.api.replies.errors import ApiError
-from service.api.replies.responses import SolutionId, refusals
+from service.api.replies import ApiError, SolutionId, json_response, refusals
 from service.api.tagged import validator_headers
 from service.dynamics.equations.orientation import (
+    PRECESSION,
     QUATERNION,
     column_names,
     evaluated_alone,
@@ -41,13 +44,13 @@ from service.dynamics.equations.orientation import (
 from service.dynamics.motion import COLUMNS, columns_of
 from service.dynamics.problem import TimeSpan
 from service.dynamics.sampling import SampleTimes, sample_times
-from service.dynamics.solution.dense_output import DenseOutput, is_part
+from service.dynamics.solution.dense_output import MAX_PARTS, RADIUS, DenseOutput, as_decimals, is_part, join
 from service.dynamics.solution.preview import deviation, preview_times
 from service.jobs.records import SolutionNotFoundError
-from service.schemas.problem.trusted import outputs_of, times_of
+from service.schemas.problem.trusted import ONE_AT_A_TIME, outputs_of, times_of
 from service.schemas.reading.documents import Document, Fault
 from service.schemas.reading.numbers import LATEST, MAX_SAMPLES, read_time
-from service.schemas.replies.solution import MotionFunctionOut, TrajectoryOut
+from service.schemas.replies.solution import EnclosureOut, EnclosuresOut, MotionFunctionOut, TrajectoryOut
 from service.settings import Settings
 from service.storage.codecs.packing import decode_arrays, decode_dense
 from service.storage.solutions.solution_store import Solution
@@ -296,3 +299,38 @@ def _selected(samples: _Samples, names: str | None) -> Trajectory:
     errors = {**dict.fromkeys(COLUMNS, samples.error), **samples.own, "t": 0.0}
     own = {name: errors.get(name, samples.error) for name in wanted}
     return Trajectory({name: samples.columns[name] for name in wanted}, max(own.values()), own)
+
+
+@router.get(
+    "/{solution_id}/enclosures",
+    response_model=EnclosuresOut,
+    responses=refusals(404),
+    dependencies=[without_query],
+)
+@heavy
+def get_enclosures(request: Request, solution_id: SolutionId, inside: Inside) -> Response:
+    """Return the six variables at the exact times that were asked, as decimals with proven radii.
+
+    With the output ``orientation`` of a motion that was proven by steps also the quaternion and the azimuths.
+    """
+    headers = validator_headers(request, inside)
+    stored = decode_arrays(inside.solutions.samples(solution_id))
+    names = [name for name in (*COLUMNS, *QUATERNION, *PRECESSION) if f"{name}.{RADIUS}" in stored]
+    if not names:
+        raise ApiError(
+            HTTPStatus.NOT_FOUND, "no_enclosures", "only solutions of the tier certified have enclosures"
+        )
+    with ONE_AT_A_TIME:
+        columns = {name: _enclosures(stored, name) for name in names}
+        times = _enclosures(stored, "t")
+    document = EnclosuresOut(t=stored["t"].tolist(), times=times, columns=columns)
+    return json_response(document, headers=headers)
+
+
+def _enclosures(stored: Mapping[str, FloatArray], name: str) -> list[EnclosureOut]:
+    further = sorted(set(stored) & {f"{name}.{part}" for part in range(1, MAX_PARTS)})
+    rows = zip(*(stored[part].tolist() for part in (name, *further)), strict=True)
+    # Times stored without radii are exact doubles.
+    radii = stored.get(f"{name}.{RADIUS}", np.zeros(len(stored[name]))).tolist()
+    pairs = (as_decimals(join(row, radius)) for row, radius in zip(rows, radii, strict=True))
+    return [EnclosureOut(value=value, radius=radius) for value, radius in pairs]

@@ -9,35 +9,31 @@ from fastapi import APIRouter, Depends, Request, Response
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
-from service.api.bodies import Body, read_json
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import Body, Inside, Resources, read_json
 from service.api.descriptions import request_body
 from service.api.formats.lists import ListedRows, list_responses
 from service.api.formats.negotiation import JSON, Accept, preferred
-from service.api.formats.prov_json import graph_of_points
+from service.api.formats.origins import graph_of_points
 from service.api.keys.idempotency import IdempotencyKey, read_key, receipt_of
 from service.api.middleware.heavy_answers import listed, read_list, while_connected
 from service.api.middleware.security import Holder, check_owner, check_priority
 from service.api.queries.lists import AskingQuery, PageQuery
 from service.api.queries.queries import Asked, QueryModel, asked_of, query_of, query_parameters, without_query
-from service.api.replies.records import sweep_out, sweep_state_out
-from service.api.replies.responses import SweepId, json_response, refusals
+from service.api.replies import SweepId, json_response, refusals, sweep_out, sweep_state_out
 from service.api.submission import ESTIMATE_WORK, estimate_sweep
-from service.jobs.chunking import largest_chunk
 from service.jobs.keys import ApiKey
+from service.jobs.queue import largest_chunk
 from service.jobs.records import Job, JobState, SweepPage, SweepRecord
-from service.schemas.query.conditions import in_state
-from service.schemas.reading.annotation import split_annotation
-from service.schemas.reading.documents import Document, Fault, Part
-from service.schemas.replies.analysis import CostEstimateOut, QueryEstimateOut
+from service.schemas.query.terms import in_state
+from service.schemas.reading.documents import Document, Fault, Part, split_annotation
 from service.schemas.replies.job import ChunkJobOut, ChunkJobPageOut
 from service.schemas.replies.solution import ProvenanceGraphOut
-from service.schemas.replies.sweep import SweepOut, SweepPageOut
+from service.schemas.replies.sweep import CostEstimateOut, QueryEstimateOut, SweepOut, SweepPageOut
 from service.schemas.sweep.reading import InvalidSweepError, read_sweep
 from service.schemas.sweep.sweep import Sweep
 from service.settings import Settings
 from service.storage.jobs.chunks import range_of
-from service.storage.keys.idempotency_store import GivenKey
+from service.storage.keys import GivenKey
 from service.storage.searching.sources import OF_SWEEP_ROWS, chunks_of
 
 router = APIRouter(prefix="/v1/sweeps", tags=["sweeps"])

@@ -27,32 +27,30 @@ from service.api.formats.negotiation import (
     named_file,
     preferred,
 )
-from service.api.formats.packages import ZIP, Package, package
-from service.api.formats.points import STREAMS, kinds_of, parquet, rows
+from service.api.formats.points import STREAMS, ZIP, Package, kinds_of, package, parquet, rows
 from service.api.middleware.caching import is_head
 from service.api.middleware.heavy_answers import heavy
-from service.api.queries.cursors import cursor_of
-from service.api.queries.grid import GridQuery, GridWish, read_grid_wish
-from service.api.queries.lists import link_to, next_page
+from service.api.queries.lists import cursor_of, link_to, next_page
 from service.api.queries.points import (
     DEFAULT_ROWS,
     MOST_NUMBERS,
     MOST_ROWS,
     MOST_SORTED_NUMBERS,
+    GridQuery,
+    GridWish,
     PointsQuery,
     Wish,
+    read_grid_wish,
     read_wish,
 )
 from service.api.queries.queries import Asked, asked_of, query_parameters, refuse_if_any, without_query
-from service.api.replies.errors import ApiError, invalid_request
-from service.api.replies.responses import PiecedAnswer, SweepId, refusals
+from service.api.replies import ApiError, PiecedAnswer, SweepId, invalid_request, refusals
 from service.api.tagged import validator_headers
 from service.jobs.records import SweepRecord
 from service.schemas.reading.documents import Document, Fault
 from service.schemas.replies.sweep import GridOut, PointPageOut
 from service.schemas.sweep.sweep import Sweep, SweepAxis, trusted_sweep
-from service.storage.sweeps.point_query import PointQuery
-from service.storage.sweeps.point_reader import PointBlock, PointReader
+from service.storage.sweeps.point_reader import PointBlock, PointQuery, PointReader
 from service.storage.sweeps.point_tables import PointGrid, cell_indices, read_grid
 from service.storage.sweeps.sweep_store import standing_in
 
@@ -125,7 +123,7 @@ def _page(
     reader: PointReader,
     headers: Mapping[str, str],
 ) -> Response:
-    limit = _page_rows(wish.query.limit, reader)
+    limit = wish.query.limit or min(_most_rows(reader), DEFAULT_ROWS)
     # One more than the page has tells whether there is another one.
     query = replace(wish.query, limit=limit + 1)
     blocks = list(reader.blocks(query))
@@ -157,10 +155,6 @@ def _place(query: PointQuery, blocks: Sequence[PointBlock], row: int) -> list[fl
             return [number if math.isfinite(number) else None for number in numbers]
         row -= len(block.indices)
     raise IndexError(row)
-
-
-def _page_rows(asked: int | None, reader: PointReader) -> int:
-    return min(_most_rows(reader), DEFAULT_ROWS) if asked is None else asked
 
 
 def _most_rows(reader: PointReader) -> int:

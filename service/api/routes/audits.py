@@ -1,48 +1,55 @@
-"""/v1/solutions/{id}/audits: solves the problem of a solution again, and compares the two."""
+"""/v1/solutions/{id}/audits, /citation and /provenance: how a solution is checked, cited, and was made.
+
+An audit solves the problem of a solution again, and compares the two.
+"""
 
 import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from http import HTTPStatus
-from typing import Annotated
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Request, Response
+from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
-from service.api.bodies import BodyIfAny, read_json
-from service.api.dependencies import Inside, Resources
+from service.api.dependencies import BodyIfAny, Inside, Resources, read_json
 from service.api.descriptions import request_body
 from service.api.formats.lists import ListedRows, list_responses
+from service.api.formats.negotiation import JSON, Accept, preferred
+from service.api.formats.origins import CITATIONS, Cited, bibtex, cff, provenance_graph, title_of
 from service.api.keys.idempotency import IdempotencyKey, read_key
 from service.api.middleware.heavy_answers import listed, read_list, while_connected
 from service.api.middleware.security import Holder, check_priority
 from service.api.queries.lists import AskingQuery
 from service.api.queries.queries import (
+    FORMAT_HELP,
     Asked,
     Prefer,
+    QueryModel,
     asked_of,
     query_of,
     query_parameters,
     wait_seconds,
     without_query,
 )
-from service.api.queueing import Made, SubmissionTerms, queue
-from service.api.replies.records import audit_out
-from service.api.replies.responses import AuditId, SolutionId, json_response, refusals
+from service.api.replies import AuditId, SolutionId, audit_out, json_response, refusals
 from service.api.routes.jobs import SubmitQuery
-from service.api.submission import accept, check
+from service.api.submission import Made, SubmissionTerms, accept, check, queue
+from service.api.tagged import validator_headers
 from service.api.verdicts.examiner import Submission
 from service.jobs.records import Job
 from service.schemas.problem.documents import MEMBERS, AuditIn, audited_problem
 from service.schemas.reading.documents import Document, InvalidProblemError, Part
 from service.schemas.reading.parts import read_parts
-from service.schemas.replies.analysis import QueryEstimateOut
-from service.schemas.replies.solution import AuditOut, AuditPageOut
+from service.schemas.replies.solution import AuditOut, AuditPageOut, ProvenanceGraphOut
+from service.schemas.replies.sweep import QueryEstimateOut
 from service.settings import Settings
-from service.storage.keys.idempotency_store import Receipt
+from service.storage.keys import Receipt
 from service.storage.searching.sources import audits_of
-from service.storage.solutions.audit_store import Audit
-from service.storage.solutions.solution_store import standing_of
+from service.storage.solutions.result_store import Audit
+from service.storage.solutions.solution_store import origin_of, standing_of
 
 router = APIRouter(prefix="/v1/solutions", tags=["solutions"])
 
@@ -172,3 +179,69 @@ async def list_audits(
 def get_audit(solution_id: SolutionId, audit_id: AuditId, inside: Inside) -> Response:
     """Show an audit."""
     return json_response(audit_out(inside.audits.get(solution_id, audit_id)))
+
+
+WRITERS: Mapping[str, Callable[[Cited], str]] = {CITATIONS["bibtex"]: bibtex, CITATIONS["cff"]: cff}
+
+
+class CitationQuery(QueryModel):
+    """The format of a citation."""
+
+    format: Literal["bibtex", "cff"] | None = Field(default=None, description=FORMAT_HELP)
+
+
+@router.get(
+    "/{solution_id}/citation",
+    response_class=Response,
+    responses={
+        200: {
+            "description": "BibTeX, or a citation file (CFF 1.2.0).",
+            "content": {media_type: {"schema": {"type": "string"}} for media_type in WRITERS},
+        },
+        **refusals(404, 406),
+    },
+    openapi_extra=query_parameters(CitationQuery),
+)
+def get_citation(
+    request: Request,
+    solution_id: SolutionId,
+    query: Annotated[CitationQuery, Depends(query_of(CitationQuery))],
+    inside: Inside,
+    accept: Accept = None,
+) -> Response:
+    """Return how to cite a solution in a paper: what it is, what computed it, whose method it is."""
+    media_type = preferred(list(WRITERS), accept) if query.format is None else CITATIONS[query.format]
+    standing = inside.reads.get(standing_of, solution_id)
+    headers = validator_headers(request, inside, standing)
+    solution = inside.solutions.get(solution_id)
+    provenance = solution.summary["provenance"]
+    cited = Cited(
+        solution.id,
+        standing.digest,
+        title_of(solution.problem),
+        solution.created_at.date(),
+        provenance["version"],
+        provenance["numerics"],
+    )
+    return Response(WRITERS[media_type](cited), media_type=media_type, headers=headers)
+
+
+@router.get(
+    "/{solution_id}/provenance",
+    response_model=ProvenanceGraphOut,
+    responses=refusals(404, 406),
+    dependencies=[without_query],
+)
+def get_provenance(
+    request: Request, solution_id: SolutionId, inside: Inside, accept: Accept = None
+) -> Response:
+    """Tell how a solution was made, as PROV-JSON of the W3C.
+
+    Entities are the problem with its document, the kept result of its examination, and
+    the solution; activities are the examination and each attempt; agents are the
+    workers, polhode and the libraries with their versions.
+    """
+    preferred([JSON], accept)
+    headers = validator_headers(request, inside)
+    document = provenance_graph(origin_of(inside.database, solution_id))
+    return json_response(document, headers=headers)

@@ -1,1 +1,0 @@
-"""Writes answers and errors as JSON."""

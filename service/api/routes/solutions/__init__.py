@@ -1,1 +1,0 @@
-"""The endpoints of one solution, and the list of solutions."""

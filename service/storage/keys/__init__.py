@@ -1,1 +1,0 @@
-"""Stores API keys, their roles and their usage."""
