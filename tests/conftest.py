@@ -32,7 +32,7 @@ from workers.computation.compiled_code import WAY_VARIABLE, allow_compiling, kee
 # On CI the same examples are drawn each time, so that a red run is about the change and can be repeated;
 # who runs the tests at home, and the honesty run, draw others every time.
 SAME_EXAMPLES = os.environ.get("CI") == "true"
-settings.register_profile(EFFORT, deadline=None, max_examples=examples(8, 100), derandomize=SAME_EXAMPLES)
+settings.register_profile(EFFORT, deadline=None, max_examples=examples(5, 100), derandomize=SAME_EXAMPLES)
 settings.load_profile(EFFORT)
 
 __all__ = [
