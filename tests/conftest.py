@@ -32,7 +32,7 @@ from workers.computation.compiled_code import WAY_VARIABLE, allow_compiling, kee
 # On CI the same examples are drawn each time, so that a red run is about the change and can be repeated;
 # who runs the tests at home, and the honesty run, draw others every time.
 SAME_EXAMPLES = os.environ.get("CI") == "true"
-settings.register_profile(EFFORT, deadline=None, max_examples=examples(8, 100), derandomize=SAME_EXAMPLES)
+settings.register_profile(EFFORT, deadline=None, max_examples=examples(5, 100), derandomize=SAME_EXAMPLES)
 settings.load_profile(EFFORT)
 
 __all__ = [
@@ -70,8 +70,12 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers() -> int | None:
-    """Return two more than there are processors: tests also wait, for their processes or for time to pass."""
-    return len(os.sched_getaffinity(0)) + 2 if sys.platform == "linux" else None
+    """Return four more than there are processors: tests also wait, for their processes or for time to pass.
+
+    With two more, a machine of two processors had 1.2 of them at work. Each may have a service and a
+    Chromium beside it, which take a gigabyte together.
+    """
+    return len(os.sched_getaffinity(0)) + 4 if sys.platform == "linux" else None
 
 
 MEMORY = Path("/dev/shm")
@@ -89,8 +93,28 @@ def _may_hold_files(folder: Path) -> bool:
 
 SHARED = "service", "chromium_path", "postgres"
 """Parameters and fixtures of the session that are dear to start, one for each process that runs tests."""
-LONGEST = "conformance/http"
-"""The folder with the longest test: minutes on a busy machine, which no other process can share."""
+LONGEST = (
+    "tests/conformance/http/test_schemathesis.py",
+    "tests/abuse/test_readers.py",
+    "tests/browser/test_keys_and_losses.py",
+    "tests/browser/test_ways.py",
+    "tests/container/test_commands.py",
+    "tests/crash/test_processes.py",
+    "tests/workers/process/engines/test_sweeps.py",
+    "tests/workers/process/test_crash.py",
+    # What shares nothing is dealt to the processes in turn.
+    "tests/crash/test_storm.py",
+    "tests/workers/sweeping/test_nothing_compiles.py",
+    "tests/abuse/test_planted_modules.py",
+    "tests/workers/solvers/compiled/test_linking.py",
+    "tests/workers/computation/test_compiled_code.py",
+    "tests/workers/process/test_clusters.py",
+    "tests/workers/process/test_template.py",
+    "tests/end_to_end/test_warm_start.py",
+    "tests/workers/process/test_warming.py",
+    "tests/test_what_is_loaded.py",
+)
+"""Files with tests that take longest, above all because they wait: each process begins with some of them."""
 
 
 def _needed(item: pytest.Item) -> set[str]:
@@ -106,21 +130,33 @@ def _group(item: pytest.Item) -> int:
     return next((k for k in (1, 2, 0) if SHARED[k] in needed), len(SHARED))
 
 
+def _file(item: pytest.Item) -> str:
+    return item.nodeid.partition("::")[0]
+
+
 def _spread(items: list[pytest.Item], processes: int) -> list[pytest.Item]:
     """Return the tests so that each process begins with those that share something dear.
 
     pytest-xdist gives each process an equal stretch of the list; who is done takes the last ones of others.
     So what is at the beginning of a stretch stays with one process, and ends early.
     """
+    places = {name: place for place, name in enumerate(LONGEST)}
     groups: list[list[pytest.Item]] = [[] for _ in range(len(SHARED) + 1)]
-    for item in sorted(items, key=lambda item: not item.path.parent.match(LONGEST)):
+    for item in sorted(items, key=lambda item: places.get(_file(item), len(LONGEST))):
         groups[_group(item)].append(item)
     *shared, others = groups
+    count = sum(_file(item) in places for item in others)
+    longest, others = others[:count], others[count:]
+    files = [list(of) for _, of in itertools.groupby(longest, key=_file)]
+    dealt: list[list[pytest.Item]] = [[] for _ in range(processes)]
+    for place, file in enumerate(files):
+        # The first ones to processes that share nothing.
+        dealt[(len(SHARED) + place) % processes].extend(file)
     stretches: list[list[pytest.Item]] = []
     for k in range(processes):
-        begun = [item for group in shared[k::processes] for item in group]
-        count = (len(items) - sum(map(len, stretches))) // (processes - k)
-        missing = max(0, count - len(begun))
+        begun = [item for group in shared[k::processes] for item in group] + dealt[k]
+        size = (len(items) - sum(map(len, stretches))) // (processes - k)
+        missing = max(0, size - len(begun))
         stretches.append(begun + others[:missing])
         del others[:missing]
     return [*itertools.chain(*stretches), *others]

@@ -78,6 +78,7 @@ def test_commands_that_need_the_settings_load_only_these(arguments, code, tmp_pa
     assert_free(loaded, code, EVERYTHING)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     "arguments", [["migrate"], ["keys", "list"], ["prune", "--samples-older-than", "1d"]], ids=str
 )

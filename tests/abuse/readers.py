@@ -35,12 +35,12 @@ class Attack:
     """So many clients that ask for one thing at the same time and read nothing of the answer."""
 
     path: str
-    """With {solution} and {sweep}."""
+    """With {solution}, {sweep} and {samples}."""
     clients: int
     accept_encoding: str = "identity"
 
 
-TRAJECTORY = "/v1/solutions/{solution}/trajectory?stop=1000&samples=100000"
+TRAJECTORY = "/v1/solutions/{solution}/trajectory?stop=1000&samples={samples}"
 ATTACKS = {
     "trajectories as CSV": Attack(f"{TRAJECTORY}&format=csv", 60),
     "many trajectories as CSV": Attack(f"{TRAJECTORY}&format=csv", 150),
@@ -153,8 +153,8 @@ class Others:
             self.peak = max(self.peak, memory_of(self.service.process.pid))
 
 
-def paths(service: Service, sweep_id: str) -> dict[str, str]:
-    """Return what the paths of attacks name: a solution, a sweep, the largest static file."""
+def paths(service: Service, sweep_id: str, samples: int = 100_000) -> dict[str, str]:
+    """Return what the paths of attacks name: a solution, its samples, a sweep, the largest static file."""
     job = service.call("POST", "/v1/jobs", PLANAR, Prefer="wait=60").document
     with urllib.request.urlopen(service.address + "/sweep") as page:
         text = page.read().decode()
@@ -162,6 +162,7 @@ def paths(service: Service, sweep_id: str) -> dict[str, str]:
     version = text[start:].split("/")[2]
     return {
         "solution": job["solution"],
+        "samples": str(samples),
         "sweep": sweep_id,
         "static": f"/static/page/{version}/plotly.min.js",
     }

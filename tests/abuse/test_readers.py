@@ -25,7 +25,8 @@ from tests.support.sweeps import store_points
 from tests.support.waiting import wait_until
 
 CAPACITY = 150
-SAMPLES = 100_000
+SAMPLES = 40_000
+"""Some 5 MB of text: 60 clients ask for 300 MB, half as much again as they must not fill."""
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def service(tmp_path_factory) -> Iterator[tuple[Service, dict[str, str]]]:
     sweep_id = store_points(url, 100_000)
     settings = {"POLHODE_DATABASE_URL": url, "POLHODE_MAX_CONNECTIONS": str(CAPACITY)}
     with serving(folder, workers=1, POLHODE_READING_MB="30", **settings) as running:
-        yield running, paths(running, sweep_id)
+        yield running, paths(running, sweep_id, SAMPLES)
 
 
 def get(address, path):

@@ -4,12 +4,15 @@ import pytest
 
 from service.dashboard.routes import PAGES
 from tests.support.browser import Weights, address, barriers, settle
+from tests.support.effort import seldom
 
 MOST_BYTES, MOST_FILES = 60_000, 10
 """Limits of shell, styles and modules as they are sent; what is beside them are plotly.js and data."""
+ALIKE = "/jobs", "/studies", "/sweeps"
+"""Lists made by the code of that of solutions."""
 
 
-@pytest.mark.parametrize("path", PAGES)
+@pytest.mark.parametrize("path", [*(path for path in PAGES if path not in ALIKE), *seldom(*ALIKE)])
 def test_a_page_is_whole_light_and_open_to_everybody(tab, path):
     page = tab.page
     weights = Weights()

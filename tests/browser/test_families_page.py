@@ -8,6 +8,7 @@ from playwright.sync_api import expect
 from tests.support.browser import settle
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("section", ["families", "classical"])
 def test_an_example_runs_with_one_click_and_leads_to_its_solution(tab, section):
     page = tab.open("families")

@@ -27,6 +27,7 @@ NAMED = {
 """On each page some controls, which are reached by these names."""
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("path", NAMED)
 def test_every_control_is_reached_by_the_key_tab(tab, path):
     page = tab.open(address(path, tab.site))

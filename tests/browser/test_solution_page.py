@@ -76,7 +76,7 @@ def test_attitudes_from_the_angular_velocity_are_those_of_the_service(tab):
     assert all(10 < before / after < 25 for before, after in pairwise(off)), off
 
 
-@pytest.mark.parametrize("name", ["first", "classical", *seldom("unstable", "state")])
+@pytest.mark.parametrize("name", ["first", *seldom("classical", "unstable", "state")])
 def test_every_body_turns(tab, name):
     stated = CLASSICAL if name == "classical" else problem(name)
     solution = tab.site.solutions.get(name) or tab.site.service.solve(stated)[0]["id"]

@@ -105,7 +105,7 @@ def trace(kill_at, deed, url, stores, fault):
     return code, {kind: change for kind, change in after.items() if change}
 
 
-@pytest.mark.parametrize("deed", one_in(3, DEEDS), ids=lambda deed: deed.__name__)
+@pytest.mark.parametrize("deed", one_in(6, DEEDS), ids=lambda deed: deed.__name__)
 def test_each_commit_happens_or_does_not(kill_at, url, stores, deed):
     done = {}
     for number in range(1, MOST_COMMITS):

@@ -46,14 +46,14 @@ def test_better_tiers_promise_more():
 
 
 @given(tolerances, tolerances)
-@settings(max_examples=examples(17, 50))
+@settings(max_examples=examples(8, 50))
 def test_a_smaller_tolerance_never_takes_a_cheaper_tier(first, second):
     small, large = sorted((first, second))
     assert TIERS.index(cheapest_tier(small)) >= TIERS.index(cheapest_tier(large))
 
 
 @given(tolerances)
-@settings(max_examples=examples(17, 50))
+@settings(max_examples=examples(8, 50))
 def test_the_tier_keeps_the_tolerance_and_no_cheaper_one_does(tolerance):
     tier = cheapest_tier(tolerance)
     assert TIER_TOLERANCES[tier] <= tolerance or tier == TIERS[-1]
@@ -79,7 +79,7 @@ def slowest(found: AccuracyTable, tier, samples, kind) -> float | None:
 
 
 @given(tables, seconds, st.integers(1, 5000), st.sampled_from(MOTION_KINDS))
-@settings(max_examples=examples(33, 100))
+@settings(max_examples=examples(12, 100))
 def test_the_budget_is_kept_by_the_best_that_can_keep_it(found, budget, samples, kind):
     choice = best_tier(found, budget, samples, kind)
     expected = {tier: slowest(found, tier, samples, kind) for tier in TIERS}
@@ -95,7 +95,7 @@ def test_the_budget_is_kept_by_the_best_that_can_keep_it(found, budget, samples,
 
 
 @given(tables, seconds, seconds, st.integers(1, 5000), st.sampled_from(MOTION_KINDS))
-@settings(max_examples=examples(17, 50))
+@settings(max_examples=examples(8, 50))
 def test_more_time_never_buys_a_worse_tier(found, first, second, samples, kind):
     short, long = sorted((first, second))
     worse, better = (best_tier(found, budget, samples, kind) for budget in (short, long))
@@ -148,7 +148,7 @@ def test_a_budget_that_nothing_fits_is_refused_with_what_is_expected():
 
 
 @given(st.floats(1e-6, 3600.0))
-@settings(max_examples=examples(17, 50))
+@settings(max_examples=examples(8, 50))
 def test_the_budget_that_a_refusal_names_is_accepted(cost):
     found = table(row(seconds=cost, seconds_per_1000=0.0))
     with pytest.raises(BudgetTooSmallError) as refused:

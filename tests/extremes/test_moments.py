@@ -42,6 +42,7 @@ def libration_period(alpha: float, lam: float) -> float:
         previous, nodes = period, 2 * nodes
 
 
+@pytest.mark.one_in(3)
 @each_once(alpha=RATIOS, inverse=[False, True])
 def test_s7_s8_librations_of_nearly_equal_and_very_unequal_moments(alpha, inverse):
     lam = Fraction(4, 5)

@@ -43,6 +43,7 @@ def document(potential, *, body=("2", "1"), time=PERIOD, motion=None, **fields):
     )
 
 
+@pytest.mark.one_in(3)
 @each_once(
     n__tier=[(40, "standard"), (100, "draft"), (600, "standard"), (1500, "draft"), (10_000, "standard")],
     sign=["+", "-"],
@@ -81,6 +82,7 @@ def test_far_beyond_doubles_a_motion_is_solved_or_refused_by_name(outputs):
         )
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("body", [("17/10", "1"), ("1", "17/10")])
 def test_a_rest_beside_an_equilibrium_off_the_equator_with_general_moments(body):
     """f = ((g2 − 1/3)² − e)(3/4 − g2): from one gap to another the period grows like log(1/e)/κ.

@@ -22,6 +22,7 @@ ONE, ZERO = Fraction(1), Fraction(0)
 G1_PERIOD = 6.432310535121612580
 
 
+@pytest.mark.one_in(3)
 @each_once(exponent=[-12, -9, -6, -3, 3, 6, 9, 12], method=METHODS)
 def test_lambda_from_1e_minus_12_to_1e12(method, exponent):
     nu = Fraction(10) ** (2 * exponent)
@@ -40,6 +41,7 @@ def test_lambda_from_1e_minus_12_to_1e12(method, exponent):
         assert reflected.code == "accuracy_not_met"
 
 
+@pytest.mark.one_in(3)
 @each_once(exponent=[-298, -150, -31, -12, 0, 6, 10], method=METHODS)
 def test_coefficients_of_any_size_scale_the_time(method, exponent):
     k = Fraction(10) ** exponent

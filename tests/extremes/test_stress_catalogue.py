@@ -83,8 +83,8 @@ def test_s2_next_to_the_separatrix_at_the_pole(method, e, positive, negative):
             assert answer.summary["window"]["g1"][0] == pytest.approx(float(a1) / 2, rel=1e-15)
 
 
-@pytest.mark.one_in(2)
-@pytest.mark.parametrize("tier", ["draft", "standard", "high", "certified"])
+@pytest.mark.one_in(4)
+@pytest.mark.parametrize("tier", ["standard", "draft", "high", "certified"])
 def test_s2_where_doubles_do_not_know_the_period_enclosures_have_it_and_the_times(tier):
     """T is about 696; the closed form in doubles has 328, and claims an error of 57."""
     document = {
@@ -149,6 +149,7 @@ def test_s4_on_the_separatrix_x_tends_to_a_quarter():
     assert three_terms(1, "-1/16", -1, 1, ONE_PERIOD, window=1).code == "period_needed"
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("b1", "arrival"),
     [("-1/20", "1.06647559407919763218981408942"), ("-1/5", "0.82119911108083424708898369890624")],

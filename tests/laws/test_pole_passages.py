@@ -8,7 +8,7 @@ from flint import arb, ctx
 
 from service.dynamics.motion import Motion
 from service.schemas.problem.problem import read_problem
-from tests.support.effort import one_in
+from tests.support.effort import one_in, seldom
 from tests.support.pole_passages import BITS, KNOWN, MOTIONS, period
 from workers.computation.compute import solve, solve_document
 
@@ -24,7 +24,7 @@ def test_known_periods(name, digits):
         assert abs(period(name) - arb(digits)) < arb(10) ** (2 - len(digits))
 
 
-@pytest.mark.parametrize("name", one_in(5, (name for name in MOTIONS if not name.startswith("log"))))
+@pytest.mark.parametrize("name", one_in(10, (name for name in MOTIONS if not name.startswith("log"))))
 def test_certified_periods_are_those_of_a_quadrature_by_hand(name):
     document = MOTIONS[name].document(time={"times": ["1/2"]}, accuracy={"tier": "certified", "bits": 64})
     told = solve_document(json.dumps(document)).summary["period"]
@@ -40,8 +40,7 @@ def test_certified_periods_are_those_of_a_quadrature_by_hand(name):
         *one_in(8, ((name, "standard") for name in MOTIONS)),
         ("a2", "draft"),
         ("a2", "high"),
-        ("7/5", "high"),
-        ("log, 7/5", "high"),
+        *seldom(("7/5", "high"), ("log, 7/5", "high")),
     ],
 )
 def test_every_tier_keeps_its_promise(name, tier):
@@ -89,7 +88,7 @@ def solved(potential: dict[str, object], tier: str, A: str = "2", **wanted: obje
     return summary
 
 
-@pytest.mark.parametrize("A", ["40", "62"])
+@pytest.mark.parametrize("A", ["40", *seldom("62")])
 def test_several_terms_with_a_large_whole_ratio_of_moments(A):
     """Where |g3| is 1/2, |g1| = |g3|^A is below all roundings: no double tells V from its pole at g1 = 0."""
     potential = {"type": "homogeneous", "A": [0, "3/20"], "B": ["-21/8", "3/20", "1/50"]}

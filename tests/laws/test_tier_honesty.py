@@ -6,8 +6,8 @@ from tests.benchmarks.honesty_counts import SUBJECTS, TIERS, Record, measured
 from tests.support.effort import examples, seldom
 
 COUNT = {
-    "smooth": examples(30, 60),
-    "states": examples(30, 60),
+    "smooth": examples(15, 60),
+    "states": examples(15, 60),
     "motions": examples(9, 54),
     "passages": examples(6, 60),
 }

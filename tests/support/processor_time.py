@@ -2,7 +2,8 @@
 
 How long a test takes says as much of what else the machine does; what it
 costs a processor says more of the test. Time of child processes counts once
-they have ended, to the test in which they did.
+they have ended, to the test in which they did; what the last test of a process
+takes down is of the whole session: services, browsers and servers.
 """
 
 import os
@@ -13,6 +14,7 @@ from pathlib import PurePosixPath
 import pytest
 
 _SPENT = "processor_seconds"
+_IS_SHARED = "is_of_the_session"
 _elsewhere = [0.0]
 
 
@@ -32,10 +34,15 @@ class ProcessorTime:
     def __init__(self, listed: int) -> None:
         self._listed = listed
         self._mark = _now()
+        self._is_last = False
         self._files: Counter[str] = Counter()
 
     def pytest_collection_finish(self) -> None:
         self._mark = _now()
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_runtest_protocol(self, nextitem: pytest.Item | None) -> None:
+        self._is_last = nextitem is None
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(self) -> Iterator[None]:
@@ -43,11 +50,14 @@ class ProcessorTime:
         report = yield
         now = _now()
         setattr(report, _SPENT, now - self._mark)
+        setattr(report, _IS_SHARED, self._is_last and report.when == "teardown")
         self._mark = now
         return report
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        self._files[report.nodeid.partition("::")[0]] += getattr(report, _SPENT, 0.0)
+        is_shared = getattr(report, _IS_SHARED, False)
+        file = "what a session shares" if is_shared else report.nodeid.partition("::")[0]
+        self._files[file] += getattr(report, _SPENT, 0.0)
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         folders: Counter[str] = Counter()

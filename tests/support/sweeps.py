@@ -53,8 +53,9 @@ def finish_chunk(
     *,
     series: Mapping[str, Callable[[NDArray[np.int64]], FloatArray]] = {},
     source: Mapping[str, object] | None = None,
+    point_seconds: float = 0.05,
 ) -> None:
-    """Do a worker's work for a chunk."""
+    """Do a worker's work for a chunk; by the time that a point takes others are cut."""
     first, count = claim.problem["first"], claim.problem["count"]
     assert isinstance(first, int)
     assert isinstance(count, int)
@@ -62,11 +63,14 @@ def finish_chunk(
     outcomes = ["no_motion" if refused else SOLVED for refused in is_refused(indices)]
     numbers = {"period": period_of(indices), "energy": energy_of(indices)}
     points = ChunkPoints(outcomes, numbers, {name: of(indices) for name, of in series.items()})
-    assert jobs.finish(claim, chunk_outcome(points, 0.05 * count, source))[0]
+    assert jobs.finish(claim, chunk_outcome(points, point_seconds * count, source))[0]
 
 
 def finish_sweep(jobs: JobStore, chunks: int | None = None, **series: object) -> None:
     """Do the work of all chunks there are, or of the first few."""
+    if chunks is None:
+        # A sweep that is only to be done has a few chunks, not a dozen: each takes many statements.
+        series = {"point_seconds": 0.01, **series}
     done = 0
     while chunks is None or done < chunks:
         claim = jobs.claim("test", lease_seconds=60.0)

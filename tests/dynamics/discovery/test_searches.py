@@ -218,7 +218,7 @@ COEFFICIENTS = st.integers(-2, 2)
 
 
 @given(st.lists(st.lists(st.tuples(*[COEFFICIENTS] * 3), min_size=3, max_size=3), min_size=3, max_size=3))
-@settings(max_examples=examples(25, 500), deadline=None)
+@settings(max_examples=examples(10, 500), deadline=None)
 def test_every_point_at_which_a_rank_drops_is_on_a_stratum(entries):
     # Linear forms x, y, 1 in 3 rows and columns; the rank by flint at all points of a grid.
     ring = fmpz_mpoly_ctx.get(["x", "y"], Ordering.lex)

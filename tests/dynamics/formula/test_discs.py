@@ -47,7 +47,7 @@ def in_discs(tape, discs):
 
 
 @given(TREES, st.tuples(DISCS, DISCS), st.lists(st.tuples(PLACES, PLACES), min_size=1, max_size=4))
-@settings(max_examples=examples(83, 250), deadline=None)
+@settings(max_examples=examples(40, 250), deadline=None)
 def test_value_and_slopes_at_every_point_are_in_the_discs(tree, discs, places):
     try:
         tape = compile_tape(tree, VARIABLES)

@@ -190,7 +190,7 @@ def test_any_text_is_a_formula_or_refused_with_a_place(text: str) -> None:
     _refused_or_parsed_in_few_steps(text)
 
 
-@settings(deadline=None, max_examples=examples(67, 200))
+@settings(deadline=None, max_examples=examples(33, 200))
 @given(st.integers(0, 2**32), st.integers(0, 10_000), st.sampled_from(["ascii", "unicode", "pieces"]))
 def test_ten_thousand_random_characters_take_few_steps(seed: int, length: int, kind: str) -> None:
     source = random.Random(seed)

@@ -76,7 +76,7 @@ small = st.fractions(-3, 3, max_denominator=9)
 exponents = st.tuples(*[st.integers(0, 3)] * 3)
 
 
-@settings(max_examples=examples(13, 40))
+@settings(max_examples=examples(6, 40))
 @given(st.dictionaries(exponents, small, max_size=6))
 def test_a_polynomial_is_expanded_to_what_it_is_on_the_sphere(coefficients):
     text = " + ".join(f"({c})*g1^{i}*g2^{j}*g3^{k}" for (i, j, k), c in coefficients.items()) or "0"

@@ -113,7 +113,7 @@ def test_the_distance_never_grows_with_the_degree(alpha, coefficients):
     assert nearest(alpha, text_of(coefficients), half).distances == found.distances[: half + 1]
 
 
-@settings(max_examples=examples(10, 30))
+@settings(max_examples=examples(5, 30))
 @given(st.sampled_from(ALPHAS), polynomials)
 def test_the_nearest_is_admissible_and_its_own_nearest(alpha, coefficients):
     found = nearest(alpha, text_of(coefficients), 8)

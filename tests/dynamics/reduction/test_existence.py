@@ -124,7 +124,7 @@ def may_be_inside(stretch, value):
 
 
 @given(cases(), cases(attracts=True), st.booleans(), st.data())
-@settings(max_examples=examples(3, 6), deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=examples(2, 6), deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_every_lambda_has_windows_or_none_as_was_said(case, other, attracts, data):
     case = other if attracts else case
     rigid_body = body(case.A, case.C)

@@ -14,7 +14,7 @@ from tests.support.planar import body
 
 pytestmark = pytest.mark.random_law
 
-PROBLEMS = examples(100, 10_000)
+PROBLEMS = examples(50, 10_000)
 BODY = body(2, 1)
 # Distances to a pole: geometric where P may have power laws, equidistant elsewhere.
 DISTANCES = np.concatenate([np.geomspace(1e-8, 1e-2, 200), np.linspace(1e-2, np.pi / 2, 800)[1:]])

@@ -204,7 +204,7 @@ def test_potentials_that_agree_on_the_sphere_get_the_same_verdict(V_text, W_text
     assert plain.energy_formula == added.energy_formula == scaled.energy_formula
 
 
-@settings(max_examples=examples(10, 30), deadline=None)
+@settings(max_examples=examples(5, 30), deadline=None)
 @given(
     coefficients=st.lists(st.fractions(-3, 3, max_denominator=20), min_size=4, max_size=4),
     extra=st.sampled_from(["0", "g1^2*g2", "g3^3", "g1^2"]),

@@ -18,7 +18,7 @@ from workers.solvers.integration.solve import integrate_state
 
 pytestmark = pytest.mark.random_law
 
-LAW = settings(max_examples=examples(4, 8), deadline=None)
+LAW = settings(max_examples=examples(3, 8), deadline=None)
 TIMES = np.linspace(-2.0, 6.0, 41)
 Triple = tuple[Fraction, Fraction, Fraction]
 

@@ -72,6 +72,7 @@ def test_a_worker_refuses_it_in_one_line(newer_url, is_alone, capsys, monkeypatc
     assert_said(said)
 
 
+@pytest.mark.any_database
 def test_serve_refuses_it_in_one_line(newer_url, tmp_path):
     command = [POLHODE, "serve", "--port", "0"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=60)

@@ -225,6 +225,7 @@ DAMAGE = [
 
 
 @pytest.mark.any_database
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(("statement", "code", "is_mended"), DAMAGE)
 def test_damage_is_found_and_mended_if_that_loses_nothing(rehearsal, statement, code, is_mended):
     with rehearsal.write() as session:
@@ -245,6 +246,7 @@ def test_every_law_is_tried(database):
     assert {law.code for law in invariants()} - never == {code for _, code, _ in DAMAGE}
 
 
+@pytest.mark.any_database
 def test_a_sweep_whose_chunks_were_lost_is_finished_after_mending(database, jobs, sweeps, lived):
     chunks = "kind = 'chunk' AND state IN ('queued', 'running')"
     damage(database, "DELETE FROM sweep_chunks WHERE first > 0", f"DELETE FROM jobs WHERE {chunks}")
@@ -257,6 +259,7 @@ def test_a_sweep_whose_chunks_were_lost_is_finished_after_mending(database, jobs
     assert broken(database) <= {"attempts_job_id"}
 
 
+@pytest.mark.any_database
 def test_a_sweep_without_any_chunk_goes_on_after_mending(database, jobs, sweeps):
     sweep = sweeps.submit(SWEEP, points=100, most=100)
     damage(database, "DELETE FROM jobs", "UPDATE sweeps SET next_index = 0")
@@ -266,6 +269,7 @@ def test_a_sweep_without_any_chunk_goes_on_after_mending(database, jobs, sweeps)
     work_on(jobs, sweeps, sweep.id, 100)
 
 
+@pytest.mark.any_database
 def test_a_job_whose_solution_is_gone_is_computed_again(database, jobs, lived):
     damage(database, "DELETE FROM solutions")
     list(repair(database))

@@ -266,5 +266,5 @@ def test_the_store_does_what_the_model_does(database, monkeypatch):
     clock = FakeClock(database.engine)
     run_state_machine_as_test(
         lambda: JobMachine(database, clock),
-        settings=settings(max_examples=examples(10, 20), stateful_step_count=25, deadline=None),
+        settings=settings(max_examples=examples(5, 20), stateful_step_count=25, deadline=None),
     )

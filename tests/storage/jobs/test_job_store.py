@@ -356,7 +356,7 @@ def take(jobs, job, step, claims):
 
 @pytest.mark.random_law
 @settings(
-    max_examples=examples(15, 40), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(8, 40), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(steps=st.lists(st.sampled_from(STEPS), min_size=1, max_size=8))
 def test_whatever_happens_a_job_makes_only_legal_moves(jobs, solutions, steps):

@@ -27,7 +27,7 @@ from tests.support.effort import each_once, examples
 EMPTY = {"invariants": {}}
 
 on_a_database = settings(
-    max_examples=examples(10, 300), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(6, 300), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 
 

@@ -22,7 +22,7 @@ from tests.storage.searching.rows import (
 from tests.support.effort import examples
 
 on_a_database = settings(
-    max_examples=examples(20, 200), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(8, 200), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 asked = st.lists(conditions(), max_size=1)
 numbers = st.sampled_from([*NUMBERS, "/motion/lambda", "/potential/parameters/a"]).map(subject_of)

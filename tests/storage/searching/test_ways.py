@@ -54,7 +54,7 @@ WAYS = {
 @pytest.mark.parametrize("way", WAYS)
 @given(rows, st.lists(led_queries, min_size=2, max_size=2))
 @settings(
-    max_examples=examples(5, 200), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(3, 200), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_every_way_finds_the_same_pages(database, way, found, asked):
     made = store(database, found)
@@ -72,7 +72,7 @@ def test_every_way_finds_the_same_pages(database, way, found, asked):
 
 @given(rows, rows)
 @settings(
-    max_examples=examples(6, 100), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(4, 100), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 def test_numbers_come_and_go_with_their_solutions(database, before, found):
     store(database, before)

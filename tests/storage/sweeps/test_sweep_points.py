@@ -102,7 +102,7 @@ def expected(query, there):
 @pytest.mark.one_in(2)
 @pytest.mark.random_law
 @settings(
-    max_examples=examples(12, 60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(6, 60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(query=QUERIES)
 def test_the_points_that_are_meant_are_found_in_their_order(stored, query):
@@ -121,7 +121,7 @@ def test_the_points_that_are_meant_are_found_in_their_order(stored, query):
 @pytest.mark.one_in(2)
 @pytest.mark.random_law
 @settings(
-    max_examples=examples(8, 60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=examples(5, 60), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(query=QUERIES)
 def test_what_comes_after_a_point_is_the_rest(stored, query):

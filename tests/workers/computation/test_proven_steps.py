@@ -96,6 +96,7 @@ def test_a_collision_is_proven_until_shortly_before_it():
     assert "proven until t = 1.06647559" in late["detail"]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", ["goriatchev", "hess", "staude"])
 def test_a_classical_motion_is_enclosed_from_its_exact_state(name):
     statement = example(name, accuracy={"tier": "certified"}, time={"stop": 2, "samples": 3})
@@ -176,6 +177,7 @@ def _require_attitude(*state):
     assert psi3.rad() < 2.0**-50
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("text", "asked"),
     [

@@ -79,7 +79,7 @@ def obstacles(draw):
 
 
 @given(obstacles(), st.sampled_from([Fraction(2), Fraction(7), Fraction(1, 2)]))
-@settings(max_examples=examples(20, 60), deadline=None)
+@settings(max_examples=examples(10, 60), deadline=None)
 def test_an_obstacle_of_any_width_is_seen_at_its_very_place(obstacle, size):
     name, sign, c, w = obstacle
     text, shape = SHAPES[name]
@@ -161,7 +161,7 @@ ROOTS = st.lists(st.integers(-95, 95), min_size=1, max_size=7, unique=True)
 
 
 @given(ROOTS, st.sampled_from([(2, 1), (1, 3), (17, 10)]), st.sampled_from([0, 3, 6, 9]))
-@settings(max_examples=examples(13, 40), deadline=None)
+@settings(max_examples=examples(6, 40), deadline=None)
 def test_windows_end_at_the_roots_of_a_polynomial(roots, moments, closeness):
     """V = Q G(g2) has p² > 0 where G < 0. Every root has a neighbour nearby."""
     rigid_body = body(Fraction(moments[0]), Fraction(moments[1]))

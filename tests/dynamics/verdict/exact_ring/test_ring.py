@@ -123,7 +123,7 @@ class Evaluation:
                 return 2 * (2 * arb.pi() / order).cos()
 
 
-@settings(max_examples=examples(16, 120), deadline=None)
+@settings(max_examples=examples(8, 120), deadline=None)
 @given(text=FORMULAS, signs=OCTANTS)
 def test_the_ring_agrees_with_balls_in_value_energy_and_residual(text, signs):
     on = body("17/10", "3/2")

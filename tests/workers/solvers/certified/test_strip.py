@@ -82,7 +82,7 @@ def test_a_series_encloses_its_function_all_over_the_strip(name, is_even, a, b, 
     st.lists(st.floats(-2.0, 2.0), min_size=1, max_size=9),
 )
 @example([1.5e-193], [1.5e-193])  # the product is below all doubles
-@settings(max_examples=examples(13, 40), deadline=None)
+@settings(max_examples=examples(6, 40), deadline=None)
 def test_sums_and_products_enclose_theirs_where_they_are_cut(is_even, first, second):
     # The degree is less than that of the product: what is cut off is in the rest.
     strip = Strip(HEIGHT, 8, is_even=is_even)

@@ -33,7 +33,7 @@ def found_intervals(terms, C, nu, g1_sign):
             return None
 
 
-@settings(max_examples=examples(13, 40), deadline=None)
+@settings(max_examples=examples(6, 40), deadline=None)
 @given(coefficients, repulsions, coefficients, curves, signs, signs, signs, st.floats(0.0, 6.28))
 def test_integrals_and_equations(a1, b1, c1, nu, g1_sign, g2_sign, g3_sign, origin):
     """|g| = 1, the curve, the areas, the energy, and g1'² as the quartic in g1."""
@@ -66,7 +66,7 @@ def test_integrals_and_equations(a1, b1, c1, nu, g1_sign, g2_sign, g3_sign, orig
         assert np.all(np.abs((r * g2) ** 2 - quartic) <= 1e-13 * (1.0 + size))
 
 
-@settings(max_examples=examples(8, 25), deadline=None)
+@settings(max_examples=examples(5, 25), deadline=None)
 @given(coefficients, st.one_of(repulsions, coefficients), coefficients, curves, signs)
 def test_intervals_are_the_windows_of_the_reduction(a1, b1, c1, nu, g1_sign):
     found = found_intervals(ThreeTerms(a1, b1, c1), Fraction(1), nu, g1_sign)

@@ -25,7 +25,7 @@ from workers.solvers.compiled.solve import solve_spectral
 SPAN = TimeSpan(Fraction(0), Fraction(45), 61)
 """Times that are doubles: of others the quadrature samples the exact ones, and the kernel their doubles."""
 RANDOM = settings(
-    max_examples=examples(13, 40),
+    max_examples=examples(8, 40),
     deadline=None,
     phases=[Phase.generate],
     suppress_health_check=list(HealthCheck),
@@ -55,7 +55,7 @@ def agrees(rigid_body, potential, motion, tier):
 @pytest.mark.random_law
 @pytest.mark.parametrize("tier", ["draft", "standard"])
 def test_random_motions_keep_their_claim(tier):
-    @settings(RANDOM, max_examples=examples(13, 120))
+    @settings(RANDOM, max_examples=examples(8, 120))
     @given(cases(), st.sampled_from(STARTS))
     def check(case, start):
         rigid_body = body(case.A, case.C)
@@ -132,7 +132,7 @@ def test_few_motions_are_left_to_the_quadrature(tier):
 @pytest.mark.random_law
 def test_random_rational_motions_keep_the_claim_of_the_high_tier():
     # 50 are some twelve windows, often of one kind.
-    @settings(RANDOM, max_examples=examples(25, 240))
+    @settings(RANDOM, max_examples=examples(12, 240))
     @given(
         st.tuples(*[coefficient(2)] * 5),
         st.fractions(Fraction(1, 4), 3, max_denominator=20),

@@ -93,6 +93,7 @@ def distances(potential, g, *parts):
     return far
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("text", FORMULAS)
 def test_every_arithmetic_keeps_its_bounds(text):
     potential, g = formula(text, BODY), points()
@@ -144,6 +145,7 @@ def test_there_is_no_bound_where_there_is_no_derivative(arithmetic, text, place)
     assert not np.isfinite(errors).all()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("text", FORMULAS)
 def test_the_derivative_on_the_loop_is_that_of_balls_within_its_bound(text):
     potential, g = formula(text, BODY), points()

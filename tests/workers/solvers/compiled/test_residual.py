@@ -127,7 +127,7 @@ def test_a_solution_of_the_very_equations_keeps_its_claim(motion):
 
 
 @given(st.integers(0, 7), st.integers(0, 20), st.floats(-12.0, -4.0), st.integers(0, 5))
-@settings(max_examples=examples(15, 100))
+@settings(max_examples=examples(8, 100))
 def test_a_claim_that_arrays_raise_is_not_kept(motion, piece, degree, size, column):
     """An error is planted in one coefficient: wherever the arrays see it, compiled code leaves it to them."""
     coefficients = motion.dense.coefficients.copy()

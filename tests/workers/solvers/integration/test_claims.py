@@ -38,7 +38,7 @@ def flat(problem):
 @pytest.mark.random_law
 @pytest.mark.parametrize(
     ("name", "count"),
-    [("taylor", examples(24, 60)), (HEYOKA, examples(24, 60)), ("dop853", examples(10, 25))],
+    [("taylor", examples(12, 60)), (HEYOKA, examples(12, 60)), ("dop853", examples(10, 25))],
 )
 def test_claim_bounds_the_actual_error(name, count):
     factors = []

@@ -167,7 +167,7 @@ def test_the_attitude_is_claimed_about_as_well_as_the_variables(name):
     assert max(claims["psi1"], claims["psi3"]) <= 3 * six + 1e-13
 
 
-@settings(max_examples=examples(12, 200), deadline=None)
+@settings(max_examples=examples(6, 200), deadline=None)
 @given(
     nu=st.fractions(Fraction(1, 5), 5, max_denominator=20),
     wall=st.fractions(0, Fraction(1, 5), max_denominator=50),

@@ -72,7 +72,7 @@ def test_golden_precession_by_doubles(nu):
     lambda_=st.fractions(Fraction(1, 50), 50, max_denominator=50),
     sense=st.sampled_from([-1, 1]),
 )
-@settings(max_examples=examples(30, 300), deadline=None)
+@settings(max_examples=examples(12, 300), deadline=None)
 @pytest.mark.random_law
 def test_the_advance_by_doubles_is_that_of_balls(moments, lambda_, sense):
     """This holds for any body on any curve; the potential has no part in it."""

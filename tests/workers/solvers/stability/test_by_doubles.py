@@ -73,7 +73,7 @@ def test_golden_traces(nu_):
 @given(
     st.fractions(Fraction(1, 10), 5, max_denominator=30), st.fractions(Fraction(1, 4), 4, max_denominator=30)
 )
-@settings(max_examples=examples(15, 100), deadline=None)
+@settings(max_examples=examples(8, 100), deadline=None)
 @pytest.mark.random_law
 def test_against_lames_equation(nu_, B):
     found = by_doubles(2, B, 1, GRAVITY, nu(nu_))
@@ -86,7 +86,7 @@ def test_against_lames_equation(nu_, B):
 
 
 @given(admissible(), st.fractions("1/5", 4, max_denominator=10))
-@settings(max_examples=examples(10, 250), deadline=None)
+@settings(max_examples=examples(6, 250), deadline=None)
 @pytest.mark.random_law
 def test_against_balls(problem, B):
     rigid_body = body(problem.A, problem.C, B)
