@@ -76,13 +76,22 @@ def serve(arguments: list[str]) -> None:
     # Ctrl-C reaches the whole group of processes: workers stop by it, then we by our pipe.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     collect_seldom()
-    # What cannot be collected is told by the workers, who try again.
-    pytest.main(["--collect-only", "-qq", "-p", "no:cacheprovider", "-n0", *places])
+    collect(places)
     # What is loaded stays: nobody looks for garbage in it, and forks share its memory.
     gc.collect()
     gc.freeze()
     if (pipes := _Server(listener).fork_until_closed()) is not None:
         _be_worker(pipes)
+
+
+def collect(places: list[str]) -> None:
+    """Load the tests at these places; what cannot be loaded is told by the workers, who try again.
+
+    A module that failed stays among the loaded ones, without its tests: then all test modules are forgotten.
+    """
+    if pytest.main(["--collect-only", "-qq", "-p", "no:cacheprovider", "-n0", *places]) != pytest.ExitCode.OK:
+        for name in [name for name in sys.modules if name.rpartition(".")[2].startswith("test_")]:
+            del sys.modules[name]
 
 
 class _Server:

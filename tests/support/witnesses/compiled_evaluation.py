@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from service.dynamics.solution.dense_output import DenseOutput
 from workers.solvers.compiled.kernels import kernel
-from workers.solvers.compiled.workspace import BLOCK, SPLIT, STRIDE, sort_by_interval
+from workers.solvers.compiled.workspace import BLOCK, STRIDE, sort_by_interval
 
 FloatArray = NDArray[np.float64]
 
 # Rows of the workspace, in one dimension.
 X, FIRST, SECOND = (np.uint64(STRIDE * row) for row in range(3))
+SPLIT = 134217729.0
+"""2^27 + 1, by which a double is cut in halves (Dekker)."""
 TOGETHER = 5
 """Steps of Clenshaw's recurrence between which nothing is written to memory."""
 

@@ -10,7 +10,7 @@ from flint import arb, ctx
 from service.dynamics.problem import PlanarMotion, StartAtRest
 from tests.support.planar import body, formula
 from workers.solvers.choose import enclose
-from workers.solvers.compiled.doubled import curve, harmonics, time_map
+from workers.solvers.compiled.doubled import arithmetic, time_map
 from workers.solvers.compiled.doubled.arithmetic import doubled
 from workers.solvers.compiled.evaluation.program import make_program, rest_of, rests_of
 from workers.solvers.compiled.motion import Bounds
@@ -80,16 +80,16 @@ def test_ends_are_zeros_to_twice_the_digits(case):
     program, constants = make_program(potential.tape)
     made = new_formula(*program[:3], constants)
     made = made._replace(lows=rests_of(potential.tape, constants))
-    pairs = np.empty((curve.ROWS, harmonics.PLACES_TOGETHER + 16))
+    pairs = np.empty((arithmetic.ROWS, time_map.PLACES_TOGETHER + 16))
     middle = np.arctan2(loop.s_middle, loop.c_middle)
     places = new_records(WORKSPACE)[0].places
-    around = curve.curve_of(loop)
-    low, high, off = curve.ends_of(
+    around = arithmetic.curve_of(loop)
+    low, high, off = arithmetic.ends_of(
         made, loop, around, middle - loop.half_width, middle + loop.half_width, pairs, places
     )
     # Its claim, of Newton's step and of roundings, is as small as the kernel demands.
-    assert off <= 2.0 * curve.END_ERROR_SHARE * (high[0] - low[0])
-    again = curve.ends_of(made, loop, around, low[0], high[0], pairs, places)
+    assert off <= 2.0 * arithmetic.END_ERROR_SHARE * (high[0] - low[0])
+    again = arithmetic.ends_of(made, loop, around, low[0], high[0], pairs, places)
     for one, other in ((low, again[0]), (high, again[1])):
         assert abs((one[0] - other[0]) + (one[1] - other[1])) <= off + again[2]
 
@@ -109,8 +109,8 @@ def test_times_are_the_integral_of_their_rate_to_twice_the_digits(number):
     """With f = (1 − e²)/(1 − 2e cos θ + e²) the time at u is (2/π) arctan((1 + e)/(1 − e) tan πu/2)."""
     e = arb(1) / 8
     series, times, folded = (
-        np.empty(harmonics.MOST_PLACES),
-        np.empty((2, harmonics.MOST_PLACES)),
+        np.empty(time_map.MOST_PLACES),
+        np.empty((2, time_map.MOST_PLACES)),
         np.empty((4, number)),
     )
     places = [0.0, 1 / 256, 11 / 64, 0.25, 0.5, 251 / 256, 1.0]
@@ -119,10 +119,10 @@ def test_times_are_the_integral_of_their_rate_to_twice_the_digits(number):
         rates = np.array([doubled((1 - e * e) / (1 - 2 * e * a.cos() + e * e)) for a in angles])
         turns = [(arb.pi() * u / 2).sin_cos() for u in places]
         exact = [2 / arb.pi() * arb.atan2((1 + e) * sine, (1 - e) * cosine) for sine, cosine in turns]
-        harmonics._fold(rates, number, (1.0, 0.0), folded)
-        harmonics._fill_series(folded, number, (1.0, 0.0), series, times)
+        time_map._fold(rates, number, (1.0, 0.0), folded)
+        time_map._fill_series(folded, number, (1.0, 0.0), series, times)
         for u, time in zip(places, exact, strict=True):
-            high, low = harmonics.time_of(times, number, (1.0, 0.0), u)
+            high, low = time_map.time_of(times, number, (1.0, 0.0), u)
             # Harmonics fall by 8 each; and roundings of 2^-104 of a hundred terms.
             left_out = 0.0 if number > 48 else 8.0**-48
             assert abs(arb(high) + arb(low) - time) <= 4.0 * left_out + 2.0**-95

@@ -10,12 +10,12 @@ from service.dynamics.equations.euler_poisson import kinetic_energy
 from service.dynamics.further_integrals import FurtherIntegral, integral_drift
 from service.dynamics.potentials.families.written import general_potential
 from tests.support.planar import body, formula
+from workers.solvers.compiled import integrals
 from workers.solvers.compiled.evaluation.program import make_program, rests_of
 from workers.solvers.compiled.integrals import (
     drifts_of_many,
     energies_at,
     further_drifts_of_many,
-    known,
     potential_energies,
 )
 from workers.solvers.evidence import drifts_of, further_drift
@@ -179,10 +179,10 @@ def test_errors_are_within_their_bounds(name, exact):
 
     def apply(x, y):
         if name in functions:
-            return known.function(functions[name], y)
+            return integrals.function(functions[name], y)
         if name == "exponential_of":
-            return known.exponential_of(y)
-        operation = getattr(known, name)
+            return integrals.exponential_of(y)
+        operation = getattr(integrals, name)
         return operation(x) if name in ("square_root", "logarithm_of") else operation(x, y)
 
     with ctx.workprec(300):
@@ -197,11 +197,11 @@ def test_errors_are_within_their_bounds(name, exact):
 
 def test_a_number_rounds_to_the_double_that_all_within_its_error_round_to():
     above = np.nextafter(1.0, 2.0)
-    assert known.nearest((1.0, 2.0**-60, 2.0**-100)) == 1.0
-    assert known.nearest((1.0, 0.75 * 2.0**-52, 2.0**-100)) == above
-    assert np.isnan(known.nearest((1.0, 2.0**-53, 2.0**-100)))
-    assert np.isnan(known.nearest((1.0, 2.0**-53 - 2.0**-101, 2.0**-100)))
-    assert np.isnan(known.nearest((1.0, 0.0, np.inf)))
-    assert np.isnan(known.nearest((np.nan, 0.0, 0.0)))
+    assert integrals.nearest((1.0, 2.0**-60, 2.0**-100)) == 1.0
+    assert integrals.nearest((1.0, 0.75 * 2.0**-52, 2.0**-100)) == above
+    assert np.isnan(integrals.nearest((1.0, 2.0**-53, 2.0**-100)))
+    assert np.isnan(integrals.nearest((1.0, 2.0**-53 - 2.0**-101, 2.0**-100)))
+    assert np.isnan(integrals.nearest((1.0, 0.0, np.inf)))
+    assert np.isnan(integrals.nearest((np.nan, 0.0, 0.0)))
     # Below a power of two doubles are twice as near.
-    assert np.isnan(known.nearest((1.0, -(2.0**-54), 2.0**-100)))
+    assert np.isnan(integrals.nearest((1.0, -(2.0**-54), 2.0**-100)))
