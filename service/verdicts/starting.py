@@ -30,10 +30,11 @@ class VerdictChildren:
     """
 
     def __init__(self, settings: Settings) -> None:
-        _track_quietly()
         self._sandbox = Sandbox(
             verdict_children(), memory_mb=settings.job_memory_mb, preload=("service.verdicts.formulas",)
         )
+        # After the sandbox, which has Python's helpers import nothing from the working folder.
+        _track_quietly()
         self._starting = threading.Thread(target=self._sandbox.start, name="start of verdicts", daemon=True)
         self._starting.start()
 

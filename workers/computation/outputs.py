@@ -37,7 +37,7 @@ from workers.solvers.assembly.families import Place
 from workers.solvers.certified.certify import Certified
 from workers.solvers.choose import QUICK_SPEED, compiled_tier, find_motion, proven_start, with_enough_bits
 from workers.solvers.classical.solve import place_motion
-from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError, StepCollapseError
+from workers.solvers.errors import AccuracyNotMetError, StepCollapseError
 from workers.solvers.evidence import Drifts, further_drift, measure_drifts
 from workers.solvers.orbits.orbit import make_orbit
 from workers.solvers.orientation.solve import Orientation, with_orientation
@@ -285,9 +285,6 @@ def _has_zero_areas(problem: Problem, motion: Motion) -> bool:
 
 T = TypeVar("T")
 
-ERRORS_WITHOUT_TIMES = (AccuracyNotMetError, OwnUnitsNeededError)
-"""Errors that tell no times: others would tell them in the units they were met in."""
-
 
 def in_units(problem: Problem, solve: Callable[[Units], T]) -> T:
     """Return ``solve`` of the units in which the motion keeps what is asked, which may be the client's own.
@@ -302,10 +299,11 @@ def in_units(problem: Problem, solve: Callable[[Units], T]) -> T:
         return _in_own(problem, speed_of(problem), solve)
     try:
         return solve(Units())
-    except (*ERRORS_WITHOUT_TIMES, StepCollapseError) as missed:
-        if isinstance(missed, AccuracyNotMetError) and type(missed) not in ERRORS_WITHOUT_TIMES:
+    except (AccuracyNotMetError, StepCollapseError) as missed:
+        # Errors of classes of their own tell times, in the units they were met in.
+        if type(missed) not in (AccuracyNotMetError, StepCollapseError):
             raise
-        speed = missed.speed if isinstance(missed, OwnUnitsNeededError) else speed_of(problem)
+        speed = speed_of(problem)
         reached = missed.reached if isinstance(missed, AccuracyNotMetError) else inf
         # Less of the error than this may be that of γ, but then more of it is that of ω.
         may_do = (
@@ -338,7 +336,7 @@ def _in_own(problem: Problem, speed: float, solve: Callable[[Units], T]) -> T:
     except DynamicsError as fault:
         if isinstance(fault, AccuracyNotMetError) and fault.group is not None:
             raise
-        if type(fault) in ERRORS_WITHOUT_TIMES and isinstance(fault, AccuracyNotMetError) and speed > 0.0:
+        if type(fault) is AccuracyNotMetError and speed > 0.0:
             reached = fault.reached * max(1.0, units.quick)
             is_relative = accuracy.measure != "absolute"
             raise _of_both(reached, accuracy.tolerance, speed, is_relative=is_relative) from None

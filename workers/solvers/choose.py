@@ -45,7 +45,7 @@ from workers.solvers.certified.validated.enclose import Start
 from workers.solvers.classical.solve import place_motion, solve_classical
 from workers.solvers.closed_form import ClosedFormFamily
 from workers.solvers.compiled.family import CompiledFamily, CompiledTier, arc_in_doubles
-from workers.solvers.errors import AccuracyNotMetError, OwnUnitsNeededError, PrecisionLostError
+from workers.solvers.errors import AccuracyNotMetError, PrecisionLostError
 from workers.solvers.integration.solve import integrate_from
 from workers.solvers.orbits.orbit import six_variables, starting_state
 from workers.solvers.quadrature.family import QuadratureFamily
@@ -270,8 +270,6 @@ def find_motion(problem: Problem) -> Motion:
     ------
     NoMotionError, SeveralWindowsError, NoSuchWindowError, StartOutsideWindowError
         The motion asked for is not there, or not the only one.
-    OwnUnitsNeededError
-        The motion is quick, and a relative tolerance is allowed.
     AccuracyNotMetError
         What the last one found contradicts its own claim, or the integration is worse than the tolerance.
     DynamicsError
@@ -315,11 +313,6 @@ def _ask_in_turn(problem: Problem, found: Place) -> Motion:
         motion = family.solve(problem, place)
         if not isinstance(motion, Declined):
             return motion
-        if problem.accuracy.measure == "above 1" and isfinite(motion.reached) and reached == inf:
-            speed = speed_in_doubles(problem)
-            # Whoever has the motion in units of its own need not ask more precise solvers in vain.
-            if speed is not None and speed >= QUICK_SPEED:
-                raise OwnUnitsNeededError(motion.reached, problem.tolerance, speed)
         reached, last = motion.reached, motion.found
     if last is not None and isfinite(reached) and choose_enclosures(problem).when == "where needed":
         # Its samples will be enclosures, next to a function of time with the error that it showed.

@@ -58,14 +58,6 @@ class AccuracyNotMetError(DynamicsError):
         self.group = group
 
 
-class OwnUnitsNeededError(AccuracyNotMetError):
-    """The motion is so quick that doubles keep no absolute tolerance; they may keep a relative one."""
-
-    def __init__(self, reached: float, tolerance: float, speed: float) -> None:
-        super().__init__(reached, tolerance)
-        self.speed = speed
-
-
 class PeriodNotKnownError(AccuracyNotMetError):
     """The period is known to fewer digits than was asked for."""
 

@@ -14,7 +14,6 @@ from service.dynamics.motion import COLUMNS, group_errors
 from service.dynamics.potentials.potential import Potential
 from service.dynamics.problem import Times
 from service.schemas.sweep.sweep import Sweep
-from workers.solvers.choose import QUICK_SPEED
 from workers.solvers.compiled.motion import ALL
 from workers.solvers.compiled.solve import Tier
 from workers.solvers.units import Units
@@ -41,6 +40,8 @@ IntArray = NDArray[np.int64]
 MOST_CACHED_NUMBERS = 100_000
 MOST_CACHED_PLANS = 512
 """Plans at hand, for sweeps whose slices take turns."""
+SURE_ROUNDING = 2.0**-54
+"""Share of ω below which no solver in doubles claims an error: a quarter of the distance of neighbours."""
 NEW_SLICES_PER_BLOCK = 8
 """New slices of one block at most: each needs a verdict, and a block ends before the time of its chunk
 does."""
@@ -136,7 +137,6 @@ class PlanarRows:
         """Take the sweep, the plan, and what is listed on each of its axes."""
         self._sweep, self._plan, self._listed = sweep, plan, listed
         problem = plan.problem
-        self._is_relative = problem.accuracy.measure == "relative"
         names = [name for name in sweep.series_columns if name != "t"]
         self._integrals = KeptIntegrals(problem.body, sweep.keep)
         self._outputs = KeptOutputs(problem)
@@ -169,16 +169,18 @@ class PlanarRows:
 
     def _solve_group(self, results: FoundPoints, here: "_Here", group: Group) -> None:
         """Solve in the client's units, and what needs units of its own in these."""
-        if self._is_relative:
+        accuracy = self._plan.problem.accuracy
+        if accuracy.measure == "relative":
             own = self._speeds(here, group)
             self._refuse_empty(results, here, group, np.flatnonzero(np.isnan(own)))
         else:
             missed = self._solve_in(results, here, group, Units())
             own = np.zeros(len(group.indices))
-            if self._plan.problem.accuracy.measure == "above 1" and missed.any():
-                # As a job does: who misses a tier is asked in its own units if it is quick.
+            if accuracy.measure == "above 1" and missed.any():
+                # Who misses a tier may keep it by another solver of a job, unless no double does.
                 speeds = self._speeds(here, group)
-                own[missed & (speeds >= QUICK_SPEED)] = speeds[missed & (speeds >= QUICK_SPEED)]
+                beyond = missed & (speeds * SURE_ROUNDING > accuracy.tolerance)
+                own[beyond] = speeds[beyond]
         if self._outputs.are_any:
             return
         units = [

@@ -2,7 +2,7 @@
 
 The half line of λ is cut into stretches; of each it is proved that there is a motion for every λ in
 it (p² > 0 at one place v for all of them), or for none (p² < 0 for all of them on the whole curve,
-by :mod:`.enclosure`). What is neither is halved. λ → 0 and λ → ∞ are stretches like the others.
+by bounds in doubles). What is neither is halved. λ → 0 and λ → ∞ are stretches like the others.
 """
 
 from collections.abc import Callable, Sequence

@@ -2,7 +2,7 @@ r"""Evaluates the general admissible potential V = V1[F] + Q G(g2) in doubles an
 
 H. M. Yehia's theorem: on the sphere every V with L(V) = 0 is of this form on
 each of the four quadrants (signs of g1 and g3), with Q = A g1² + C g3² and V1
-the integral of :mod:`.angular`. The curves do not leave their quadrant, so F
+the integral of :mod:`.angular_part`. The curves do not leave their quadrant, so F
 and G may differ from one to the next. The energy of the motion on a curve is
 −F(w).
 """
