@@ -9,7 +9,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-com
 # What is compiled from Python text is kept: the tests start hundreds of processes, and each would compile its own.
 unexport PYTHONDONTWRITEBYTECODE
 
-PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 6 --dist worksteal
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 5 --dist worksteal
 PYTEST_OPTIONS ?=
 OTHER_PROCESSOR := $(BIN)/python -m tests.support.other_processor
 NUMBERS := tests/golden tests/laws tests/conformance tests/workers/solvers \

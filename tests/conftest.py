@@ -70,12 +70,12 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers() -> int | None:
-    """Return four more than there are processors: tests also wait, for their processes or for time to pass.
+    """Return three more than there are processors: tests also wait, for their processes or for time to pass.
 
     With two more, a machine of two processors had 1.2 of them at work. Each may have a service and a
     Chromium beside it, which take a gigabyte together.
     """
-    return len(os.sched_getaffinity(0)) + 4 if sys.platform == "linux" else None
+    return len(os.sched_getaffinity(0)) + 3 if sys.platform == "linux" else None
 
 
 MEMORY = Path("/dev/shm")
