@@ -9,10 +9,14 @@ Beside the six variables there may be the turn since t = 0, dq/dt = q ω / 2 wit
 derivatives of the state by that at t = 0, dΦ/dt = J Φ: the equations of variation of the same series.
 """
 
+import fcntl
 import math
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 from numba import njit, types
@@ -163,6 +167,25 @@ class Motion:
         return [found[6 + row :: 6] for row in range(6)]
 
 
+_ready: set[str] = set()
+
+
+@contextmanager
+def _one_compiles() -> Iterator[None]:
+    """Let one process at a time make its first call, which compiles or loads.
+
+    numba numbers the files of a function by an index, which processes that compile at the same time read
+    alike: then one finds the code of another signature, or of another processor, under its own number.
+    """
+    if _ready:
+        yield
+        return
+    with Path(tempfile.gettempdir(), "polhode-doubled-series.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+        _ready.add("compiled")
+
+
 class _Recurrence:
     """The rows of the variables, and of all products of them that are needed."""
 
@@ -205,7 +228,9 @@ class _Recurrence:
         rates, now = np.array(self._rates, dtype=np.int64), np.array([_pair(number) for number in state])
         place, found = Fraction(0), []
         for time in times:
-            if not _followed(codes, first, second, rows, numbers, rates, now, *_pair(time - place)):
+            with _one_compiles():
+                is_there = _followed(codes, first, second, rows, numbers, rates, now, *_pair(time - place))
+            if not is_there:
                 raise TooManyStepsError
             place = time
             found.append([Fraction(high) + Fraction(low) for high, low in now.tolist()])
