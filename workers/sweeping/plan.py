@@ -19,7 +19,7 @@ from service.dynamics.verdict.proofs.power_sums import is_power_sum
 from service.dynamics.verdict.simple_form import is_simplified, simplified
 from service.schemas.problem.problem import read_problem
 from service.schemas.reading.documents import InvalidProblemError, with_values
-from service.schemas.sweep.sweep import FEW, PLAIN_OUTPUTS, Sweep, json_number
+from service.schemas.sweep.sweep import FEW, PLAIN_OUTPUTS, Sweep, SweepAxis, json_number
 from workers.computation.outputs import takes_doubles
 from workers.solvers.choose import compiled_tier
 from workers.sweeping.parameters.coefficients import coefficients_of
@@ -77,8 +77,9 @@ def make_plan(sweep: Sweep, numbering: Sequence[int] | None = None) -> Plan:
         return Plan(sweep)
     moves_body = any(axis.varies == "body" for axis in sweep.axes)
     moves_body |= any(axis.varies == "moment" for axis in sweep.axes) and has_symbol(potential, "B")
-    axes = [axis for axis in sweep.axes if axis.varies == "potential"]
-    paths, first = tuple(axis.path[1:] for axis in axes), [axis.axis.value(0) for axis in axes]
+    numbered = dict(enumerate(sweep.axes) if numbering is None else zip(numbering, sweep.axes, strict=True))
+    varying = _varying(numbered)
+    paths, first = tuple(varying.values()), [numbered[k].axis.value(0) for k in varying]
     coefficients = None if moves_body else coefficients_of(problem.body, potential, paths, first)
     family = (
         None
@@ -91,12 +92,11 @@ def make_plan(sweep: Sweep, numbering: Sequence[int] | None = None) -> Plan:
     if not _may_be_compiled(sweep, problem) or sides is None:
         return Plan(sweep, is_judged=True)
     poles = smooth_poles(problem.body, family, motion)
-    varying = _axes(sweep, numbering)
     model = model_of(coefficients.document, coefficients.paths, frozenset())
     if model is None:
         return Plan(sweep, is_judged=True)
     potentials = FamilyPotentials(problem, potential, varying, coefficients, Templates(model), poles)
-    return Plan(sweep, is_judged=True, rows=_rows(sweep, numbering, potentials, sides))
+    return Plan(sweep, is_judged=True, rows=_rows(problem, numbered, potentials, sides))
 
 
 def plan_judged(sweep: Sweep) -> RowPlan | None:
@@ -118,39 +118,36 @@ def plan_judged(sweep: Sweep) -> RowPlan | None:
         or not set(moments) <= {"A", "B", "C"}
     ):
         return None
-    axes = _axes(sweep)
+    numbered = dict(enumerate(sweep.axes))
+    axes = _varying(numbered)
     model = model_of(potential, tuple(axes.values()), frozenset(moments))
     if model is None or not _is_solved_as_stated(sweep) or not is_power_sum(problem.body, problem.potential):
         return None
     needs_double = motion.nu is not None or potential.get("type") == "rational"
     potentials = JudgedPotentials(problem, model, tuple(axes), moments, needs_double=needs_double)
     sides = {int(each.sign_of_g1): Side(each) for each in _motions(sweep, motion)}
-    return replace(_rows(sweep, None, potentials, sides), moment_axis=None)
+    return replace(_rows(problem, numbered, potentials, sides), moment_axis=None)
 
 
 def _rows(
-    sweep: Sweep,
-    numbering: Sequence[int] | None,
+    problem: Problem,
+    axes: Mapping[int, SweepAxis],
     potentials: FamilyPotentials | JudgedPotentials,
     sides: Mapping[int, Side],
 ) -> RowPlan:
-    numbers = range(len(sweep.axes)) if numbering is None else numbering
-    numbered = list(zip(numbers, sweep.axes, strict=True))
     curve, start, moment = (
-        next((k for k, axis in numbered if axis.varies == kind), None)
+        next((k for k, axis in axes.items() if axis.varies == kind), None)
         for kind in ("curve", "start", "moment")
     )
-    times = {axis.path[1]: k for k, axis in numbered if axis.varies == "time"}
-    tier = compiled_tier(sweep.first_problem)
+    times = {axis.path[1]: k for k, axis in axes.items() if axis.varies == "time"}
+    tier = compiled_tier(problem)
     assert tier is not None
-    return RowPlan(sweep.first_problem, tier, potentials, curve, start, moment, times, sides)
+    return RowPlan(problem, tier, potentials, curve, start, moment, times, sides)
 
 
-def _axes(sweep: Sweep, numbering: Sequence[int] | None = None) -> dict[int, tuple[str, ...]]:
+def _varying(axes: Mapping[int, SweepAxis]) -> dict[int, tuple[str, ...]]:
     """Return the paths of the numbers in the potential that vary, by the indices of their axes."""
-    numbers = range(len(sweep.axes)) if numbering is None else numbering
-    axes = zip(numbers, sweep.axes, strict=True)
-    return {k: axis.path[1:] for k, axis in axes if axis.varies == "potential"}
+    return {k: axis.path[1:] for k, axis in axes.items() if axis.varies == "potential"}
 
 
 def _may_be_compiled(sweep: Sweep, problem: Problem, moments: Sequence[str] = ("B",)) -> bool:

@@ -36,7 +36,6 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
-
 MOST_CACHED_NUMBERS = 100_000
 MOST_CACHED_PLANS = 512
 """Plans at hand, for sweeps whose slices take turns."""
@@ -71,11 +70,11 @@ class RowSolver:
 
     def solve(self, first: int, count: int) -> SolvedBlock:
         """Solve the points ``first`` to ``first + count - 1``."""
+        slices = [(self._slice(outer).rows, here) for outer, here in self._sliced(first, count)]
+        if len(slices) == 1 and slices[0][0] is not None:
+            return slices[0][0].solve(first + slices[0][1])
         results = FoundPoints(self._sweep, count)
-        for outer, here in self._sliced(first, count):
-            rows = self._slice(outer).rows
-            if rows is not None and len(here) == count:
-                return rows.solve(first + here)
+        for rows, here in slices:
             if rows is not None:
                 results.put(here, rows.solve(first + here))
         return results.block()

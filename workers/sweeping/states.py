@@ -83,8 +83,8 @@ class SharedModels:
     def row(self, numbers: Sequence[fmpq]) -> PointConstants | None:
         """Return the constants of the potential with these numbers on its axes; None: read its document."""
         values = self._model.values(self._moments, numbers)
-        found = None if values is None else self._templates.at(self._moments, numbers, values)
-        slopes = None if found is None or not found.template.is_shared else self._gradient(found.template)
+        found = None if values is None else self._templates.shared(self._moments, numbers, values)
+        slopes = None if found is None else self._gradient(found.template)
         if found is None or slopes is None:
             return None
         exact = [None if number is None else as_fraction(number) for number in found.exact]

@@ -168,20 +168,28 @@ class Templates:
 
         ``values`` are what the model makes of the numbers.
         """
-        key = self.model.key(values)
-        if key not in self._shared and len(self._shared) < MOST_TEMPLATES:
-            self._shared[key] = self._new(moments, numbers)
-        shared = self._shared.get(key)
+        shared = self.shared(moments, numbers, values)
         if shared is not None:
-            exact = shared.numbers(values)
-            row = shared.row(exact)
-            if shared.is_of(row):
-                return Constants(shared, exact, row)
+            return shared
         try:
             own = _template(self.model.potential(moments, numbers).tape, {}, is_shared=False)
         except (DynamicsError, ValueError):
             return None
         return Constants(own, list(own.fixed), own.constants.tolist())
+
+    def shared(
+        self, moments: MomentsOfPoint, numbers: Sequence[fmpq], values: Sequence[fmpq]
+    ) -> Constants | None:
+        """Return the constants of the point by the template of all like it; None if they share none."""
+        key = self.model.key(values)
+        if key not in self._shared and len(self._shared) < MOST_TEMPLATES:
+            self._shared[key] = self._new(moments, numbers)
+        template = self._shared.get(key)
+        if template is None:
+            return None
+        exact = template.numbers(values)
+        row = template.row(exact)
+        return Constants(template, exact, row) if template.is_of(row) else None
 
     def _new(self, moments: MomentsOfPoint, numbers: Sequence[fmpq]) -> Template | None:
         """Return the template of all points like this one; None if it is not found."""

@@ -119,6 +119,7 @@ class FamilyOfBlock:
 
     def __init__(self, family: FamilyPotentials, points: SweptPoints) -> None:
         self._family, self._points = family, points
+        self._body, self._moments = family.problem.body, MomentsOfPoint.of(family.problem.body)
         self._parameters = points.parameters(family.coefficients, tuple(family.axes))
         self.usable = are_numbers(self._parameters.doubles)
 
@@ -148,23 +149,22 @@ class FamilyOfBlock:
         return [each for each in [*groups, *grouped(known, has_rests=has_rests)] if len(each.indices)]
 
     def _constants(self, index: int) -> Constants | None:
-        numbers, moments = self._parameters.exact(index), MomentsOfPoint.of(self.body())
-        templates = self._family.templates
-        values = templates.model.values(moments, numbers)
-        return None if values is None else templates.at(moments, numbers, values)
+        numbers, templates = self._parameters.exact(index), self._family.templates
+        values = templates.model.values(self._moments, numbers)
+        return None if values is None else templates.at(self._moments, numbers, values)
 
-    def body(self, index: int = 0) -> RigidBody:
+    def body(self, index: int) -> RigidBody:
         """Return the body of a point."""
-        return self._family.problem.body
+        return self._body
 
     def potential(self, index: int) -> Potential:
         """Return the potential of a point."""
-        problem = self._family.problem
-        return potential_of(self._document(index), problem.body) if self._family.axes else problem.potential
+        family = self._family
+        return potential_of(self._document(index), self._body) if family.axes else family.problem.potential
 
     def solve(self, group: Group, request: Request) -> BlockResult | None:
         """Solve the points of a group; None if motions of their kind are not solved here."""
-        body, side, is_high = request.units.body(self.body()), request.side, request.tier == "high"
+        body, side, is_high = request.units.body(self._body), request.side, request.tier == "high"
         sizes = self._points.sizes(request.start_axis, group.indices)
         result = sweep_sets(
             body,
@@ -205,7 +205,7 @@ class FamilyOfBlock:
 
     def have_no_motion(self, group: Group, side: Side, rest: IntArray, squares: Sequence[fmpq]) -> BoolArray:
         """Tell which of the ``rest`` of a group, on the curves of these λ², are proved to have no motion."""
-        return have_no_motion_at(self._family.problem.body, side.motion, group, rest, squares)
+        return have_no_motion_at(self._body, side.motion, group, rest, squares)
 
     def _exact(self, indices: IntArray) -> list[list[fmpq]]:
         return [self._parameters.exact(index) for index in indices.tolist()]
