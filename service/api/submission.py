@@ -141,7 +141,7 @@ async def accept_many(
     Raises
     ------
     ApiError
-        503: too many requests wait for verdicts, and no problem of the list was examined.
+        503: the children for verdicts have no time, and no problem of the list was examined.
     """
     given = {index: each for index, each in enumerate(problems) if isinstance(each, Submission)}
     reserve = partial(_reserve, inside, holder, list(given.values()), is_estimate=is_estimate)
@@ -279,13 +279,17 @@ async def _examine(
         known = inside.examiner.known(problem)
         if known is not None:
             found[index] = known
-    waiting = deque(_batches({k: each for k, each in problems.items() if k not in found}))
+    batches = _batches({k: each for k, each in problems.items() if k not in found})
+    waiting = deque((batch, False) for batch in batches)
 
     async def examine_some() -> None:
         while waiting:
-            batch = waiting.popleft()
+            batch, has_timed_out = waiting.popleft()
             if time.monotonic() > deadline:
-                found.update(dict.fromkeys(batch, refusal_of(SandboxTimeoutError())))
+                # What no child has had says nothing about its formula: it is to be sent again.
+                unseen = inside.verdicts.busy("the time of its list was over before it was examined")
+                late = refusal_of(SandboxTimeoutError()) if has_timed_out else unseen
+                found.update(dict.fromkeys(batch, late))
                 continue
             alone = len(batch) == 1
             try:
@@ -299,7 +303,8 @@ async def _examine(
                     found[batch[0]] = refusal_of(fault)
                 else:
                     # One of them caused it and must not fail the others.
-                    waiting.extend([index] for index in batch)
+                    has_timed_out = isinstance(fault, SandboxTimeoutError)
+                    waiting.extend(([index], has_timed_out) for index in batch)
             else:
                 found.update(zip(batch, answers, strict=True))
 

@@ -88,7 +88,7 @@ def test_a_submit_without_an_answer_may_be_repeated(tmp_path):
 @pytest.mark.parametrize(("number", "kills"), [(100, 3), *seldom((2000, 50))])
 def test_random_kills_of_workers_fail_no_job(database, jobs, url, number, kills):
     chance = random.Random(kills)
-    problems = [({"chore": "sleep", "seconds": 0.005, "number": k}, str(k)) for k in range(number)]
+    problems = [({"chore": "sleep", "seconds": 0.02, "number": k}, str(k)) for k in range(number)]
     submitted = jobs.submit_many(problems, lane=Lane.LIST)
 
     def finished() -> int:
@@ -98,7 +98,8 @@ def test_random_kills_of_workers_fail_no_job(database, jobs, url, number, kills)
     for _ in range(kills):
         worker, before = Worker(url, slots=2, max_attempts=3), finished()
         try:
-            wait_until(lambda before=before: finished() > before)
+            # A worker that is fast on a slow machine may have left nothing to the next ones.
+            wait_until(lambda before=before: finished() > min(before, number - 1))
             time.sleep(chance.uniform(0.0, 0.1))  # the moment of the kill
         finally:
             worker.clean_up()

@@ -113,7 +113,7 @@ class VerdictQueue:
             return await asyncio.wait_for(asyncio.wrap_future(call.answer), rest + _GRACE_SECONDS)
         except (SandboxTimeoutError, TimeoutError) as fault:
             if call.has_waited:
-                raise self._busy("no child process for verdicts became free in time") from fault
+                raise self.busy("no child process for verdicts became free in time") from fault
             raise SandboxTimeoutError("the time limit passed") from fault
         finally:
             self._drop(call)
@@ -138,7 +138,7 @@ class VerdictQueue:
             self._changed.notify_all()
         for call in calls:
             with suppress(InvalidStateError):
-                call.answer.set_exception(self._busy("the service stops"))
+                call.answer.set_exception(self.busy("the service stops"))
             self._drop(call)
         for thread in self._threads:
             thread.join()
@@ -153,10 +153,10 @@ class VerdictQueue:
             # If a child is free, the call does not wait: that child's thread takes it at once.
             before = self._count_waiting() - (self._children - len(self._running))
             if self._closed or before >= capacity:
-                raise self._busy(f"{capacity} requests wait for verdicts; more are not accepted")
+                raise self.busy(f"{capacity} requests wait for verdicts; more are not accepted")
             share = max(1, capacity // _SHARE)
             if claimant.key_id is not None and self._count_before(claimant.key_id) >= share:
-                raise self._busy(f"{share} requests of this key wait for verdicts; more are not accepted")
+                raise self.busy(f"{share} requests of this key wait for verdicts; more are not accepted")
             call.has_waited = before >= 0
             self._waiting.setdefault(claimant, deque()).append(call)
             self._changed.notify()
@@ -175,7 +175,8 @@ class VerdictQueue:
         """Children that lists together, or one key, may occupy."""
         return max(1, self._children - 1)
 
-    def _busy(self, detail: str) -> ApiError:
+    def busy(self, detail: str) -> ApiError:
+        """Return the refusal of what was not examined and may be sent again."""
         headers = {"Retry-After": str(max(1, math.ceil(self._settings.verdict_seconds)))}
         return ApiError(HTTPStatus.SERVICE_UNAVAILABLE, "verdicts_busy", detail, headers=headers)
 

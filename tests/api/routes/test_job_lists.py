@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import time
 from collections import deque
 
 import pytest
@@ -136,6 +137,40 @@ def test_a_problem_whose_child_is_killed_by_somebody_else_is_examined_once_more(
     assert [item["status"] for item in items] == [202, 202]
     functions.append(die)
     assert client.post("/v1/jobs", json=with_lambda(3)).status_code == 202
+
+
+@pytest.mark.any_database
+def test_a_problem_whose_turn_does_not_come_in_the_time_of_its_list_is_to_be_sent_again(
+    client, app, monkeypatch
+):
+    """It was never examined: a verdict_time_limit would tell its author to change a formula that is good."""
+    most = app.state.resources.verdicts.most
+    problems = [with_lambda(value + 1) for value in range(most + 1)]
+    with monkeypatch.context() as patch:
+        patch.setattr(submission, "_TOGETHER", 1)
+        patch.setattr(submission, "LIST_VERDICTS", 0.01)
+        patch.setattr(Sandbox, "submit", slowly(Sandbox.submit))
+        items = post(client, problems).json()["items"]
+        assert [item["status"] for item in items] == most * [202] + [503]
+        assert items[-1]["problem"]["type"].endswith("verdicts_busy")
+        patch.setattr(submission, "LIST_VERDICTS", -1)
+        nothing = post(client, [with_lambda(20), with_lambda(21)])
+        assert (nothing.status_code, "retry-after" in nothing.headers) == (503, True)
+    assert [item["status"] for item in post(client, problems[-1:]).json()["items"]] == [202]
+
+
+def slowly(submit):
+    """Return a way to start a child that takes a second longer than it needs."""
+
+    def slow(self, function, text, *, seconds):
+        return submit(self, examine_slowly, text, seconds=seconds)
+
+    return slow
+
+
+def examine_slowly(text):
+    time.sleep(1.0)
+    return examination.examine_problems(text)
 
 
 def die(text):
