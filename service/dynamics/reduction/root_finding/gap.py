@@ -24,6 +24,7 @@ is recognised as a root of a small polynomial. With C/A = m/n in lowest terms an
 """
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from math import log2
@@ -399,7 +400,9 @@ def numbers_near(algebra: AlgebraicAlgebra, near: arb) -> Iterator[Algebraic]:
     """Yield the roots of small polynomials that a number may be, of low degrees first."""
     for degree in range(1, MAX_POLYNOMIAL_DEGREE + 1):
         for coefficients in _small_polynomials(near, degree):
-            yield root_near(algebra, coefficients, near)
+            # A polynomial that is small there need not have a root, or only touches zero.
+            with suppress(NotAlgebraicError):
+                yield root_near(algebra, coefficients, near)
 
 
 def root_near(algebra: AlgebraicAlgebra, a: Sequence[int], near: arb) -> Algebraic:
