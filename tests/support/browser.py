@@ -15,7 +15,15 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 SOLVED = ("first", "bobylev-steklov", "unstable", "state")
 HOSTILE = "<img src=x onerror=alert(1)>"
 """Markup where people may write text; none of it may become an element."""
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+# The processor draws WebGL and puts the page together: a process that plays a graphics card costs as much as the page.
+FLAGS = [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",
+]
+# The first is the engine without menus and tabs, which nobody sees here and which cost a third.
+BROWSERS = "chromium-headless-shell", "chromium", "chromium-browser"
 
 
 def problem(name: str) -> dict:
@@ -144,7 +152,7 @@ def save_first_figure(page: Page) -> tuple[Download, int]:
 
 
 def chromium() -> str | None:
-    return shutil.which("chromium") or shutil.which("chromium-browser")
+    return next(filter(None, map(shutil.which, BROWSERS)), None)
 
 
 def address(path: str, site: Site) -> str:
