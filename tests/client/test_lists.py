@@ -3,6 +3,8 @@
 import asyncio
 import json
 from collections import Counter
+from itertools import count
+from types import SimpleNamespace
 
 import httpx
 import pytest
@@ -125,6 +127,17 @@ def test_problems_that_were_refused_for_lack_of_time_are_sent_again_alone(played
     with played(playing) as client:
         assert outcomes(client, [1, 100_077, -5]) == ["job-1", "job-100077", "refused"]
     assert playing.sizes == [3, 1, 1]
+
+
+def test_a_list_that_gets_on_is_waited_for_and_one_that_does_not_says_so(played, monkeypatch):
+    """Each request takes 15 s of a patience of 20 s."""
+    playing = Playing()
+    monkeypatch.setattr(lists, "time", SimpleNamespace(monotonic=count(step=15).__next__))
+    monkeypatch.setattr(playing, "is_busy", lambda number: number > len(playing.sizes))
+    with played(playing) as client:
+        assert outcomes(client, range(6)) == [f"job-{n}" for n in range(6)]
+        assert playing.sizes == [6, 4, 3, 2, 1]
+        assert outcomes(client, [0, 1000]) == ["job-0", "refused"]
 
 
 def test_one_problem_that_makes_a_request_unreadable_is_found(played):

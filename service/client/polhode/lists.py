@@ -194,6 +194,8 @@ def _sent(
                 found[index] = Submitted(index, fields(item["job"]), None)
             else:
                 found[index] = Submitted(index, None, refused(item["status"], item["problem"]))
+        if len(busy) < len(problems):
+            began = time.monotonic()  # a list that gets on is waited for, however long it takes
         problems, tries = busy, tries + 1
         if busy:
             yield Pause(_LONGEST_PAUSE)
