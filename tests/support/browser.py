@@ -15,7 +15,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 SOLVED = ("first", "bobylev-steklov", "unstable", "state")
 HOSTILE = "<img src=x onerror=alert(1)>"
 """Markup where people may write text; none of it may become an element."""
-# The processor draws WebGL and puts the page together: a process that plays a graphics card costs as much as the page.
+# The processor draws WebGL and puts the page together: to play a graphics card costs as much as the page.
 FLAGS = [
     "--no-sandbox",
     "--use-angle=swiftshader",
