@@ -98,7 +98,7 @@ def test_random_kills_of_workers_fail_no_job(database, jobs, url, number, kills)
     for _ in range(kills):
         worker, before = Worker(url, slots=2, max_attempts=3), finished()
         try:
-            # A worker that is fast on a slow machine may have left nothing to the next ones.
+            # All jobs may have ended before the last kills.
             wait_until(lambda before=before: finished() > min(before, number - 1))
             time.sleep(chance.uniform(0.0, 0.1))  # the moment of the kill
         finally:
