@@ -109,17 +109,21 @@ class Sandbox:
                     self._usable_pool(seat)
 
     def submit(
-        self, function: Callable[[*Arguments], T], *arguments: *Arguments, seconds: float | None
+        self,
+        function: Callable[[*Arguments], T],
+        *arguments: *Arguments,
+        seconds: float | None,
+        slot: int | None = None,
     ) -> Future[T]:
         """Queue a call of a module-level function; :func:`result_of` returns its result.
 
-        Cancelling the future kills the child that computes it, within 0.2 s. The
-        time limit starts when a child takes the call.
+        It goes to the child of ``slot``, or else to the one with the fewest calls. The time limit starts when
+        the child takes it. Cancelling the future kills the child that computes it, within 0.2 s.
         """
         with self._lock:
             if self.is_closed:
                 raise SandboxBrokenError("the children have been stopped for good")
-            seat = min(self._seats, key=_Seat.load)
+            seat = min(self._seats, key=_Seat.load) if slot is None else self._seats[slot]
             for _ in range(_RENEWALS):
                 try:
                     future: Future[T] = self._usable_pool(seat).schedule(
@@ -140,6 +144,7 @@ class Sandbox:
         seconds: float | None,
         crashes: int = 1,
         submitted: Callable[[Future[T]], None] | None = None,
+        slot: int | None = None,
     ) -> T:
         """Call a module-level function in a child and wait; raises what :func:`result_of` raises.
 
@@ -150,7 +155,7 @@ class Sandbox:
         breakages = 0
         while True:
             try:
-                future = self.submit(function, *arguments, seconds=seconds)
+                future = self.submit(function, *arguments, seconds=seconds, slot=slot)
                 if submitted is not None:
                     submitted(future)
                 return self._wait_for(future, seconds)

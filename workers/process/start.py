@@ -24,7 +24,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError
 from contextlib import suppress
 from functools import partial
 from typing import Protocol
@@ -167,9 +167,6 @@ class Compiling:
 WARM_UP_SECONDS = 120.0
 """Loading everything takes some seconds, more on a busy machine; nothing is compiled here."""
 
-_QUEUE_SECONDS = 5.0
-"""How long the call of one child waits for those of the others to be queued."""
-
 
 class Warming:
     """Starts the children of a sandbox and has each call what warms it, in threads of its own.
@@ -257,16 +254,8 @@ class Warming:
         return any(answers)
 
     def _in_every_child(self, call: Call) -> list[str]:
-        # Each goes to the child with the fewest calls: if all are queued before one ends, each gets one.
-        are_queued = threading.Barrier(self._slots)
-
-        def wait_for_others(_: Future[None]) -> None:
-            with suppress(threading.BrokenBarrierError):
-                are_queued.wait(_QUEUE_SECONDS)
-            are_queued.abort()  # a call that is repeated waits for nobody
-
-        warm_one = partial(self._sandbox.run, call, seconds=WARM_UP_SECONDS, submitted=wait_for_others)
-        return _at_once([warm_one] * self._slots)
+        warm = partial(self._sandbox.run, call, seconds=WARM_UP_SECONDS)
+        return _at_once([partial(warm, slot=k) for k in range(self._slots)])
 
     def _in_new_children(self, order: Call | None, call: Call) -> list[str]:
         ordering = [] if order is None else [lambda: self._sandbox.run(order, seconds=WARM_UP_SECONDS)]

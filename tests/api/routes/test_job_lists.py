@@ -111,7 +111,7 @@ def test_a_problem_that_kills_its_examination_takes_no_other_with_it(client, mon
     calls = []
     submit = Sandbox.submit
 
-    def spy(self, function, text, *, seconds):
+    def spy(self, function, text, *, seconds, slot):
         calls.append(len(json.loads(text)["problems"]))
         return submit(self, examine_or_die, text, seconds=seconds)
 
@@ -128,7 +128,7 @@ def test_a_problem_whose_child_is_killed_by_somebody_else_is_examined_once_more(
     functions = deque([die, die])
     submit = Sandbox.submit
 
-    def interfere(self, function, text, *, seconds):
+    def interfere(self, function, text, *, seconds, slot):
         return submit(self, functions.popleft() if functions else function, text, seconds=seconds)
 
     monkeypatch.setattr(Sandbox, "submit", interfere)
@@ -162,7 +162,7 @@ def test_a_problem_whose_turn_does_not_come_in_the_time_of_its_list_is_to_be_sen
 def slowly(submit):
     """Return a way to start a child that takes a second longer than it needs."""
 
-    def slow(self, function, text, *, seconds):
+    def slow(self, function, text, *, seconds, slot):
         return submit(self, examine_slowly, text, seconds=seconds)
 
     return slow

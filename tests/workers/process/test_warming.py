@@ -4,6 +4,7 @@ import logging
 import os
 import signal
 import threading
+import time
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,6 +18,7 @@ from service.sandbox import Sandbox, SandboxBrokenError
 from service.storage.database.database import Database
 from service.storage.upkeep.presence import WorkerRegistry
 from tests.support.databases import copy_of
+from tests.support.waiting import wait_until
 from workers.process.start import Compiling, Waker, Warming
 from workers.process.tasks import WarmUp
 from workers.process.worker import EngineLoop, Presence
@@ -81,7 +83,16 @@ def warm(tmp_path, caplog):
         sandbox.close()
 
 
-def test_every_child_is_warmed_once(warm):
+def test_every_child_is_warmed_once(warm, monkeypatch):
+    submit = Sandbox.submit
+
+    def submit_late(self, *call, **options):
+        if threading.current_thread().name == "warming 1":
+            assert wait_until(lambda: self.is_idle)
+            time.sleep(0.5)  # the other child has ended its call, and is as free as this one
+        return submit(self, *call, **options)
+
+    monkeypatch.setattr(Sandbox, "submit", submit_late)
     calls, [(level, said)] = warm(sign, 2)
     assert len(calls) == len(set(calls)) == 2
     assert level == "INFO"
