@@ -279,17 +279,15 @@ async def _examine(
         known = inside.examiner.known(problem)
         if known is not None:
             found[index] = known
-    batches = _batches({k: each for k, each in problems.items() if k not in found})
-    waiting = deque((batch, False) for batch in batches)
+    waiting = deque(_batches({k: each for k, each in problems.items() if k not in found}))
 
     async def examine_some() -> None:
         while waiting:
-            batch, has_timed_out = waiting.popleft()
+            batch = waiting.popleft()
             if time.monotonic() > deadline:
-                # What no child has had says nothing about its formula: it is to be sent again.
+                # Nothing is known of formulas that no child has had: they are to be sent again.
                 unseen = inside.verdicts.busy("the time of its list was over before it was examined")
-                late = refusal_of(SandboxTimeoutError()) if has_timed_out else unseen
-                found.update(dict.fromkeys(batch, late))
+                found.update({index: unseen for index in batch if index not in found})
                 continue
             alone = len(batch) == 1
             try:
@@ -299,12 +297,11 @@ async def _examine(
             except ApiError as busy:
                 found.update(dict.fromkeys(batch, busy))
             except SandboxError as fault:
-                if alone:
-                    found[batch[0]] = refusal_of(fault)
-                else:
-                    # One of them caused it and must not fail the others.
-                    has_timed_out = isinstance(fault, SandboxTimeoutError)
-                    waiting.extend(([index], has_timed_out) for index in batch)
+                if alone or isinstance(fault, SandboxTimeoutError):
+                    found.update(dict.fromkeys(batch, refusal_of(fault)))
+                if not alone:
+                    # One of them caused it and must not fail the others, for which there may be time.
+                    waiting.extend([index] for index in batch)
             else:
                 found.update(zip(batch, answers, strict=True))
 

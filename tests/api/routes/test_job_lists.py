@@ -159,6 +159,18 @@ def test_a_problem_whose_turn_does_not_come_in_the_time_of_its_list_is_to_be_sen
     assert [item["status"] for item in post(client, problems[-1:]).json()["items"]] == [202]
 
 
+@pytest.mark.any_database
+def test_problems_that_took_the_time_of_their_list_together_are_refused_for_good(client, app, monkeypatch):
+    """Else whoever sends a list of hopeless formulas again and again would never hear of it."""
+    monkeypatch.setattr(submission, "LIST_VERDICTS", 0.5)
+    monkeypatch.setattr(app.state.resources.settings, "verdict_seconds", 0.4)
+    monkeypatch.setattr(Sandbox, "submit", slowly(Sandbox.submit))
+    refused = post(client, [with_lambda(1), with_lambda(2)])
+    assert refused.status_code == 422
+    codes = {item["problem"]["type"].rpartition(":")[2] for item in refused.json()["items"]}
+    assert codes == {"verdict_time_limit"}
+
+
 def slowly(submit):
     """Return a way to start a child that takes a second longer than it needs."""
 
